@@ -1,0 +1,116 @@
+"""How an episode is drawn: the true inertia and its law, the disturbance, the initial state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.algebra import (
+    axpy_symmetric,
+    is_physical,
+    load_symmetric,
+    multiply,
+    store_symmetric,
+)
+from satid_gym.core.dynamics import set_momenta, set_speeds, to_body
+from satid_gym.core.jit import inline
+from satid_gym.core.random import between, normal, uniform
+from satid_gym.core.records import PERIODIC, STATIC, STEP
+
+_MOST_DRAWS = 1000
+
+
+@inline
+def _draw_inertia(draw, nominal, stream):
+    """J = R S J_nominal S R^T with S lognormal by axis and R a small rotation (symmetric)."""
+    s0 = np.exp(0.5 * draw.inertia_std * normal(stream))
+    s1 = np.exp(0.5 * draw.inertia_std * normal(stream))
+    s2 = np.exp(0.5 * draw.inertia_std * normal(stream))
+    a = nominal
+    a = (a[0] * s0 * s0, a[1] * s1 * s1, a[2] * s2 * s2, a[3] * s0 * s1, a[4] * s0 * s2, a[5] * s1 * s2)
+    if draw.tilt_std == 0.0:
+        return a
+    half = 0.5 * draw.tilt_std
+    x, y, z = half * normal(stream), half * normal(stream), half * normal(stream)
+    k = 1.0 / np.sqrt(1.0 + x * x + y * y + z * z)
+    q = (k * x, k * y, k * z, k)
+    ex, ey, ez = to_body(q, (1.0, 0.0, 0.0)), to_body(q, (0.0, 1.0, 0.0)), to_body(q, (0.0, 0.0, 1.0))
+    fx, fy, fz = multiply(a, ex), multiply(a, ey), multiply(a, ez)
+    return _dot(ex, fx), _dot(ey, fy), _dot(ez, fz), _dot(ex, fy), _dot(ex, fz), _dot(ey, fz)
+
+
+@inline
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inline
+def _draw_law(draw, plant):
+    """Write the inertia law's parameters and return its relative size."""
+    stream = plant.stream
+    u, law, reached = uniform(stream), PERIODIC, draw.law_probability[STATIC]
+    for candidate in range(STATIC, PERIODIC):
+        if u < reached:
+            law = candidate
+            break
+        reached += draw.law_probability[candidate + 1]
+    plant.law = law
+    size = between(stream, draw.law_size[law, 0], draw.law_size[law, 1])
+    plant.law_time = between(stream, draw.law_time[law, 0], draw.law_time[law, 1])
+    plant.law_frequency = between(stream, draw.law_frequency[0], draw.law_frequency[1])
+    plant.law_phase = between(stream, draw.law_phase[0], draw.law_phase[1])
+    if law == STEP and plant.law_time <= 0.0:
+        plant.stepped = 1
+    return size
+
+
+@inline
+def _draw_body(draw, plant):
+    """Write inertia and its change, both physical all along the law; False where 1000 draws gave none."""
+    size = _draw_law(draw, plant)
+    nominal, change = load_symmetric(plant.inertia), load_symmetric(plant.change)
+    low = -1.0 if plant.law == PERIODIC else 0.0
+    for _ in range(_MOST_DRAWS):
+        inertia = _draw_inertia(draw, nominal, plant.stream)
+        if draw.change_given == 0:
+            change = axpy_symmetric(size, inertia, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        ends = is_physical(axpy_symmetric(low, change, inertia)) and is_physical(
+            axpy_symmetric(1.0, change, inertia)
+        )
+        if plant.law == STATIC:
+            ends = True
+        if ends and is_physical(inertia):
+            store_symmetric(plant.inertia, inertia)
+            store_symmetric(plant.change, change)
+            return True
+    return False
+
+
+@inline
+def draw_plant(draw, plant):
+    """Turn the nominal `plant` into a drawn one, by its own stream; False where no inertia is physical.
+
+    The disturbance has half its variance constant and half periodic with the orbit.
+    """
+    stream = plant.stream
+    if not _draw_body(draw, plant):
+        return False
+    std = draw.disturbance_std * np.sqrt(0.5)
+    for i in range(3):
+        plant.torque_constant[i] += std * normal(stream)
+        plant.torque_cosine[i] += std * normal(stream)
+        plant.torque_sine[i] += std * normal(stream)
+        plant.rate[i] += draw.rate_std * normal(stream)
+    for k in range(plant.locked.shape[0]):
+        span = draw.wheel_speed_range * plant.wheel_speed_max[k]
+        speed = plant.wheel_speed[k] + between(stream, -span, span)
+        plant.wheel_speed[k] = min(max(speed, -plant.wheel_speed_max[k]), plant.wheel_speed_max[k])
+    if draw.attitude_random != 0:
+        norm = 0.0
+        for i in range(4):
+            plant.attitude[i] = normal(stream)
+            norm += plant.attitude[i] ** 2
+        for i in range(4):
+            plant.attitude[i] /= np.sqrt(norm)
+    set_momenta(plant)
+    set_speeds(plant)
+    return True

@@ -1,0 +1,196 @@
+"""MomentumEKF: x = [M, theta, tau], with a = A j Omega from the tachometers a known input.
+
+    predict   dM/dt = M x omega + tau,  omega = J(theta)^-1 (M - a);  theta and tau random walks
+    measure   z = J(theta)^-1 (M - a) + noise,  R = sigma_gyro^2 1 + J^-1 N J^-1
+
+N is the covariance of a. Wheel torque noise, wheel saturation and the motion of J need no model here: they
+act through a, which is measured. Midpoint step; the Jacobians follow from
+d(omega) = J^-1 dM - J^-1 L(omega) dtheta, where J omega = L(omega) theta.
+Source: this project's design; the filter's form is that of Gelb, Applied Optimal Estimation (1974), ch. 6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.algebra import (
+    add,
+    add_diagonal,
+    axpy,
+    axpy_symmetric,
+    congruence,
+    cross,
+    inverse,
+    load,
+    load_symmetric,
+    multiply,
+    store,
+    store_symmetric,
+    subtract,
+)
+from satid_gym.core.dynamics import wheel_axis
+from satid_gym.core.jit import inline
+from satid_gym.core.kalman import (
+    estimated_inertia,
+    propagate,
+    start_theta,
+    update,
+    write_cross_times,
+    write_times_regressor,
+)
+
+
+@inline
+def wheel_momentum(belief, tachometer):
+    """a = A j Omega of measured wheel speeds."""
+    total = (0.0, 0.0, 0.0)
+    for k in range(tachometer.shape[0]):
+        total = axpy(belief.wheel_inertia[k] * tachometer[k], wheel_axis(belief.axes, k), total)
+    return total
+
+
+@inline
+def start(belief, work, gyro, tachometer):
+    """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
+    start_theta(belief)
+    p = belief.prior_theta.shape[0]
+    omega, a = load(gyro), wheel_momentum(belief, tachometer)
+    inertia = estimated_inertia(belief)
+    store(belief.mean, add(multiply(inertia, omega), a))
+    store(belief.wheel_input, a)
+    covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
+    identity[:, :] = 0.0
+    identity[0, 0] = identity[1, 1] = identity[2, 2] = 1.0
+    write_times_regressor(identity, omega, regressor)
+    s2 = belief.gyro_std**2
+    noise = congruence(inertia, (s2, s2, s2, 0.0, 0.0, 0.0))
+    moment = work.jacobian[1]
+    store_symmetric(moment, axpy_symmetric(1.0, noise, load_symmetric(belief.wheel_momentum_covariance)))
+    for i in range(3):
+        for j in range(3):
+            total = moment[i, j]
+            for k in range(p):
+                total += regressor[i, k] * covariance[3 + k, 3 + k] * regressor[j, k]
+            covariance[i, j] = total
+        for k in range(p):
+            covariance[i, 3 + k] = covariance[3 + k, i] = regressor[i, k] * covariance[3 + k, 3 + k]
+        covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
+
+
+@inline
+def _write_slope_jacobian(momentum, omega, flexibility, work, slot):
+    """d(M x omega + tau) by M to work.jacobian[slot], by theta to work.sensitivity[slot]."""
+    jacobian, sensitivity = work.jacobian[slot], work.sensitivity[slot]
+    write_cross_times(momentum, flexibility, jacobian)
+    write_times_regressor(jacobian, (-omega[0], -omega[1], -omega[2]), sensitivity)
+    x, y, z = omega
+    jacobian[0, 1] += z
+    jacobian[0, 2] -= y
+    jacobian[1, 0] -= z
+    jacobian[1, 2] += x
+    jacobian[2, 0] += y
+    jacobian[2, 1] -= x
+
+
+@inline
+def predict(belief, work, tachometer, dt):
+    """Move the belief from the last reading to this one, dt seconds later."""
+    p = belief.prior_theta.shape[0]
+    flexibility = inverse(estimated_inertia(belief))
+    before, after = load(belief.wheel_input), wheel_momentum(belief, tachometer)
+    per_step = 1.0 / belief.substeps
+    h = dt * per_step
+    noise = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
+    for step in range(belief.substeps):
+        a0 = axpy(step * per_step, subtract(after, before), before)
+        a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
+        momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
+        omega = multiply(flexibility, subtract(momentum, a0))
+        _write_slope_jacobian(momentum, omega, flexibility, work, 0)
+        middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
+        omega = multiply(flexibility, subtract(middle, a1))
+        _write_slope_jacobian(middle, omega, flexibility, work, 1)
+        store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
+        _write_transition(work, p, h)
+        propagate(belief, work, h)
+        _add_tachometer_noise(belief, work, middle, noise, h * dt)
+    store(belief.wheel_input, after)
+
+
+@inline
+def _write_transition(work, p, h):
+    """First three rows of the midpoint step's Jacobian, from the slopes' Jacobians at its two stages."""
+    first, second, transition = work.jacobian[0], work.jacobian[1], work.transition
+    for i in range(3):
+        for j in range(3):
+            total = second[i, j]
+            for k in range(3):
+                total += 0.5 * h * second[i, k] * first[k, j]
+            transition[i, j] = h * total
+            transition[i, 3 + p + j] = 0.5 * h * h * second[i, j]
+        transition[i, i] += 1.0
+        transition[i, 3 + p + i] += h
+        for j in range(p):
+            total = work.sensitivity[1, i, j]
+            for k in range(3):
+                total += 0.5 * h * second[i, k] * work.sensitivity[0, k, j]
+            transition[i, 3 + j] = h * total
+
+
+@inline
+def _add_tachometer_noise(belief, work, momentum, noise, h2):
+    """P_MM += h2 [M x] J^-1 N J^-1 [M x]^T: what tachometer noise does to the predicted momentum."""
+    half = work.jacobian[2]
+    write_cross_times(momentum, noise, half)
+    x, y, z = momentum
+    for i in range(3):
+        a, b, c = h2 * half[i, 0], h2 * half[i, 1], h2 * half[i, 2]
+        belief.covariance[i, 0] += c * y - b * z
+        belief.covariance[i, 1] += a * z - c * x
+        belief.covariance[i, 2] += b * x - a * y
+
+
+@inline
+def rate(belief):
+    """Estimated omega = J^-1 (M - a) at the last reading."""
+    residual = subtract(load(belief.mean), load(belief.wheel_input))
+    return multiply(inverse(estimated_inertia(belief)), residual)
+
+
+@inline
+def condition(belief, work, gyro):
+    """Update with one gyro reading (3,); returns the normalised innovation squared (3 degrees of freedom)."""
+    p = belief.prior_theta.shape[0]
+    flexibility = inverse(estimated_inertia(belief))
+    omega = multiply(flexibility, subtract(load(belief.mean), load(belief.wheel_input)))
+    rows = work.rows
+    jacobian = work.jacobian[0]
+    store_symmetric(jacobian, flexibility)
+    write_times_regressor(jacobian, (-omega[0], -omega[1], -omega[2]), work.regressor)
+    for i in range(3):
+        for j in range(3):
+            rows[i, j] = jacobian[i, j]
+        for k in range(p):
+            rows[i, 3 + k] = work.regressor[i, k]
+        work.innovation[i] = gyro[i] - omega[i]
+    noise = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
+    _whiten(work, add_diagonal(belief.gyro_std**2, noise), 3 + p)
+    return update(belief, work, 3, 3 + p)
+
+
+@inline
+def _whiten(work, noise, support):
+    """Divide rows and innovation by the Cholesky factor of their noise covariance."""
+    rows, innovation = work.rows, work.innovation
+    l00 = np.sqrt(noise[0])
+    l10, l20 = noise[3] / l00, noise[4] / l00
+    l11 = np.sqrt(noise[1] - l10 * l10)
+    l21 = (noise[5] - l20 * l10) / l11
+    l22 = np.sqrt(noise[2] - l20 * l20 - l21 * l21)
+    for j in range(support):
+        r0 = rows[0, j] / l00
+        r1 = (rows[1, j] - l10 * r0) / l11
+        rows[0, j], rows[1, j], rows[2, j] = r0, r1, (rows[2, j] - l20 * r0 - l21 * r1) / l22
+    y0 = innovation[0] / l00
+    y1 = (innovation[1] - l10 * y0) / l11
+    innovation[0], innovation[1], innovation[2] = y0, y1, (innovation[2] - l20 * y0 - l21 * y1) / l22

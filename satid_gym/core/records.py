@@ -1,0 +1,206 @@
+"""The records the core works on: one row an environment, plain numbers, no pointers.
+
+Truth (`plant`) and belief (`belief`) are different records, so a function that is handed the belief cannot
+see the true inertia. `task` holds what the episode asks for, `report` what the last decision gave, `draw`
+the distributions an episode is drawn from, `work` scratch space (one a thread).
+n: wheels; p: inertia parameters (3 principal moments, or 6 with the products xy, xz, yz); size: filter state.
+All in SI units and the body frame unless said otherwise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+STATIC, STEP, DRIFT, PERIODIC = range(4)
+MOMENTUM, RATE = range(2)
+LOGDET, TRACE, MAXEIG = range(3)
+
+_F, _I, _U = np.float64, np.int64, np.uint64
+Field = tuple[str, DTypeLike] | tuple[str, DTypeLike, int | tuple[int, ...]]
+
+
+def _wheels(n: int) -> list[Field]:
+    return [
+        ("axes", _F, (3, n)),  # spin axes, unit columns
+        ("wheel_inertia", _F, n),  # spin inertia j
+        ("torque_max", _F, n),
+        ("wheel_speed_max", _F, n),
+    ]
+
+
+def plant_dtype(n: int) -> np.dtype:
+    """Truth: wheels, body, environment, sensors, and the random stream that moves them."""
+    return np.dtype(
+        [
+            *_wheels(n),
+            ("torque_noise_std", _F, n),
+            ("torque_lag", _F),  # time constant of the motor, s
+            # body: J(t) = inertia + f(t) change, f by the law
+            ("inertia", _F, (3, 3)),
+            ("law", _I),
+            ("change", _F, (3, 3)),
+            ("law_time", _F),  # when the step comes; how long the drift takes
+            ("law_frequency", _F),  # Hz
+            ("law_phase", _F),
+            ("stepped", _I),  # 1 once the step has come
+            # environment
+            ("orbit_rate", _F),
+            ("gravity_gradient", _I),  # 0: off
+            ("solar_force", _F, 3),  # inertial frame
+            ("solar_offset", _F, 3),  # centre of pressure from centre of mass
+            ("torque_constant", _F, 3),
+            ("torque_cosine", _F, 3),  # times cos(orbit_rate t)
+            ("torque_sine", _F, 3),
+            # sensors
+            ("gyro_noise_std", _F),
+            ("gyro_bias_walk", _F),  # rad/s per sqrt(s)
+            ("tachometer_noise_std", _F),
+            # state
+            ("time", _F),
+            ("momentum", _F, 3),  # M, body frame
+            ("wheel_momentum", _F, n),  # j (Omega + A^T omega); j Omega where locked at the speed limit
+            ("locked", _I, n),
+            ("attitude", _F, 4),  # body to inertial, scalar last
+            ("motor_torque", _F, n),  # behind the lag
+            ("gyro_bias", _F, 3),
+            ("stream", _U, 4),
+            # derived from the state at `time`
+            ("rate", _F, 3),
+            ("wheel_speed", _F, n),
+            # sensor readings at `time`
+            ("gyro", _F, 3),
+            ("tachometer", _F, n),
+        ],
+        align=True,
+    )
+
+
+def belief_dtype(n: int, p: int, size: int) -> np.dtype:
+    """Belief: what the filter was told before launch, and its state.
+
+    mean is [M, theta, disturbance torque] for MOMENTUM, [omega, theta, wheel speed] for RATE.
+    """
+    return np.dtype(
+        [
+            ("kind", _I),
+            ("axes", _F, (3, n)),
+            ("wheel_inertia", _F, n),
+            ("gyro_std", _F),
+            ("tachometer_std", _F),
+            ("wheel_momentum_covariance", _F, (3, 3)),  # of A j Omega, from the tachometers
+            ("walk", _F, size),  # random walk of each state, per sqrt(s)
+            ("substeps", _I),
+            ("prior_theta", _F, p),
+            ("prior_theta_std", _F, p),
+            ("theta_scale", _F, p),  # prior moments; geometric means of two of them for the products
+            ("prior_torque_std", _F),
+            ("prior_std", _F, 2),  # RATE: of omega and of wheel speed
+            ("mean", _F, size),
+            ("covariance", _F, (size, size)),
+            ("wheel_input", _F, max(3, n)),  # last A j Omega (3) for MOMENTUM, last Omega (n) for RATE
+            ("guarded", _I),  # updates shortened because the inertia would have left its physical range
+            ("broken", _I),  # 1 once the covariance was not positive definite
+        ],
+        align=True,
+    )
+
+
+def task_dtype(n: int) -> np.dtype:
+    """What the episode asks for: timing, envelope, reward, normalisation of the observation."""
+    return np.dtype(
+        [
+            ("template", _I),  # row of the templates the episode was drawn from
+            ("sample_period", _F),
+            ("samples", _I),  # filter steps a decision
+            ("decisions", _I),  # horizon
+            ("decision", _I),  # decisions taken
+            ("torque_max", _F, n),
+            ("wheel_speed_max", _F, n),
+            ("rate_limit", _F),
+            ("termination_rate", _F),
+            ("authority", _F, 3),  # rate limits gained a decision at full torque, by prior inertia
+            ("criterion", _I),
+            ("net", _I),
+            ("gain_scale", _F),
+            ("envelope_margin", _F),
+            ("envelope_weight", _F),
+            ("effort_weight", _F),
+            ("command", _F, n),  # previous action
+            ("over", _I),  # 1 when the episode has ended and has not been reset
+        ],
+        align=True,
+    )
+
+
+def report_dtype(n: int) -> np.dtype:
+    """What the last decision gave; the source of reward and info."""
+    return np.dtype(
+        [
+            ("reward", _F),
+            ("terminated", _I),
+            ("truncated", _I),
+            ("time", _F),
+            ("inertia_true", _F, (3, 3)),
+            ("inertia_estimate", _F, (3, 3)),
+            ("relative_error", _F),
+            ("nees", _F),
+            ("nis", _F),
+            ("information_gain", _F),
+            ("cost", _F),
+            ("effort", _F),
+            ("saturated", np.int8, n),  # 1: at its speed limit in the decision
+            ("torque_applied", _F, n),
+            ("guarded", _I),
+            # tallies of the decision under way
+            ("peak_rate", _F, 3),  # largest measured |rate|
+            ("spin_start", _F, n),
+        ],
+        align=True,
+    )
+
+
+def draw_dtype() -> np.dtype:
+    """How a satellite's episodes depart from its templates, the records of plant, belief and task."""
+    return np.dtype(
+        [
+            ("inertia_std", _F),  # of the log of each axis' scale
+            ("tilt_std", _F),  # of the rotation of the principal axes, rad
+            ("wheel_speed_range", _F),  # fraction of the limit
+            ("rate_std", _F),
+            ("disturbance_std", _F),
+            ("attitude_random", _I),
+            ("law_probability", _F, 4),
+            ("law_size", _F, (4, 2)),  # of the change relative to the inertia: low and high, by law
+            ("law_time", _F, (4, 2)),
+            ("law_frequency", _F, 2),
+            ("law_phase", _F, 2),
+            ("change_given", _I),  # 1: `plant.change` is an absolute tensor, law_size is not used
+        ],
+        align=True,
+    )
+
+
+def work_dtype(n: int, p: int, size: int) -> np.dtype:
+    """Scratch space of one thread."""
+    wide = max(size, 3)
+    return np.dtype(
+        [
+            ("torque", _F, n),  # commanded for the decision under way, noise included
+            ("transition", _F, (wide, wide)),
+            ("product", _F, (wide, wide)),
+            ("regressor", _F, (3, p)),
+            ("rows", _F, (3 + n, wide)),
+            ("jacobian", _F, (4, 3, 3)),
+            ("sensitivity", _F, (3, 3, p)),
+            ("ph", _F, wide),
+            ("remainder", _F, wide),
+            ("gain", _F, wide),
+            ("delta", _F, wide),
+            ("theta", _F, p),
+            ("innovation", _F, 3 + n),
+            ("block", _F, (p, p)),
+            ("wheel", _F, (4, n)),
+        ],
+        align=True,
+    )

@@ -1,0 +1,59 @@
+"""Reward: what the filter's updates tell about the inertia, less what leaving the envelope costs.
+
+Belief and measurement only. Information is counted in nats, by one of three criteria of optimal design on
+the normalised covariance C of theta (std over prior std): D  log det C / 2, A  p/2 log(tr C / p),
+E  p/2 log(largest eigenvalue of C). By the inequality of the means D <= A <= E for the same C.
+Source: Pukelsheim, Optimal Design of Experiments (1993), ch. 6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.algebra import factor, largest_eigenvalue
+from satid_gym.core.jit import inline
+from satid_gym.core.records import LOGDET, TRACE
+
+
+@inline
+def spread(belief, work, criterion):
+    """Uncertainty of theta in nats, up to a constant; NaN and belief.broken = 1 where P is not positive."""
+    p = belief.prior_theta.shape[0]
+    block = work.block
+    if criterion == LOGDET:
+        product = factor(belief.covariance, 3, p, block)
+        if not product > 0.0:
+            belief.broken = 1
+        return 0.5 * np.log(product)
+    for i in range(p):
+        for j in range(p):
+            scale = belief.prior_theta_std[i] * belief.prior_theta_std[j]
+            block[i, j] = belief.covariance[3 + i, 3 + j] / scale
+    if criterion == TRACE:
+        size = 0.0
+        for i in range(p):
+            size += block[i, i] / p
+    else:
+        size = largest_eigenvalue(block, p)
+    if not size > 0.0:
+        belief.broken = 1
+    return 0.5 * p * np.log(size)
+
+
+@inline
+def envelope_excess(task, report):
+    """How far the largest measured rates of the decision exceed the margin, relative, summed over axes."""
+    total = 0.0
+    for i in range(3):
+        total += max(0.0, report.peak_rate[i] / task.rate_limit - task.envelope_margin)
+    return total
+
+
+@inline
+def reward(task, report):
+    """gain_scale information - envelope_weight excess - effort_weight effort."""
+    return (
+        task.gain_scale * report.information_gain
+        - task.envelope_weight * envelope_excess(task, report)
+        - task.effort_weight * report.effort
+    )

@@ -1,0 +1,259 @@
+"""SatInertiaID-v0, the single environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from satid_gym.config import unknown_name
+from satid_gym.core import episode, kernels
+from satid_gym.core.observation import BOUND, layout
+from satid_gym.core.records import MOMENTUM, report_dtype
+from satid_gym.estimators.belief import new_work
+from satid_gym.estimators.protocol import Estimator
+from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
+from satid_gym.problem import (
+    InertiaLike,
+    Problem,
+    SatelliteLike,
+    ScenarioLike,
+    Templates,
+    build_templates,
+    problem,
+)
+from satid_gym.reward import RewardSettings
+from satid_gym.satellite import Satellite
+
+RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
+INFO_KEYS = (
+    "time",
+    "inertia_true",
+    "inertia_estimate",
+    "relative_error",
+    "nees",
+    "nis",
+    "information_gain",
+    "cost",
+    "effort",
+    "saturated",
+    "torque_applied",
+    "guarded",
+)
+
+
+def make_spaces(p: Problem, parameters: int) -> tuple[spaces.Box, spaces.Box]:
+    """Observation and action space of one environment."""
+    size = layout(p.wheels, parameters)["time_left"].stop
+    return (
+        spaces.Box(-BOUND, BOUND, (size,), np.float32),
+        spaces.Box(-1.0, 1.0, (p.wheels,), np.float32),
+    )
+
+
+def seed_stream(rng: np.random.Generator) -> np.ndarray:
+    """First state (4,) of an environment's random stream, from its generator."""
+    return rng.integers(1, 2**64, size=4, dtype=np.uint64)
+
+
+def option_templates(p: Problem, options: Mapping[str, Any]) -> Templates:
+    """Templates of one episode with other settings.
+
+    Raises:
+        ValueError: an option is unknown or not valid, or the satellite has another number of wheels.
+    """
+    for name in options:
+        if name not in RESET_OPTIONS:
+            raise unknown_name("reset option", name, RESET_OPTIONS)
+    changed = problem(
+        satellite=options.get("satellite", p.satellites),
+        inertia=options.get("inertia", p.inertia),
+        scenario=p.scenario,
+        estimator=p.estimator,
+        reward=p.reward,
+    )
+    if changed.wheels != p.wheels:
+        raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {changed.wheels}")
+    return build_templates(changed, options.get("true_inertia"))
+
+
+DRAW_FAILED = (
+    "no physical inertia tensor in 1000 draws: the nominal tensor is too close to the "
+    "triangle inequality for this inertia_std, tilt_std or law; lower them or change the satellite"
+)
+BROKEN = "the filter's covariance is no longer positive definite; check the estimator's settings"
+
+
+class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """TODO"""
+
+    metadata = {"render_modes": []}
+
+    def __init__(
+        self,
+        satellite: SatelliteLike = "microsat",
+        inertia: InertiaLike = "random",
+        scenario: ScenarioLike = "default",
+        estimator: str | Mapping[str, Any] | EstimatorSettings | Estimator | None = None,
+        reward: None | str | Mapping[str, Any] | RewardSettings = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self._foreign: Estimator | None = None
+        if isinstance(estimator, Estimator):
+            self._foreign = estimator
+            estimator = estimator_settings({"name": estimator.coordinates, "parameters": estimator.parameters})
+        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps)
+        self._templates = build_templates(self.problem)
+        self._plants = np.zeros(1, self._templates.plants.dtype)
+        self._beliefs = np.zeros(1, self._templates.beliefs.dtype)
+        self._tasks = np.zeros(1, self._templates.tasks.dtype)
+        self._reports = np.zeros(1, report_dtype(self.problem.wheels))
+        self._work = new_work(self.problem.wheels, self.problem.estimator)
+        parameters = self._beliefs["prior_theta"].shape[1]
+        self.observation_space, self.action_space = make_spaces(self.problem, parameters)
+        self._observation = np.zeros((1, *self.observation_space.shape), np.float32)
+        self._chosen = np.ones(1, np.int8)
+        self._tasks["over"] = 1
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: makes this and the following episodes reproducible.
+            options: for this episode alone: `satellite`, `inertia` (mode, law or mapping), `true_inertia`
+                ((3,) or (3, 3) kg m^2 in place of a drawn one).
+
+        Returns:
+            Observation and info.
+
+        Raises:
+            ValueError: an option is unknown or not valid; the episode under way goes on.
+        """
+        templates = option_templates(self.problem, options) if options else self._templates
+        first = self._np_random is None
+        super().reset(seed=seed)
+        if first or seed is not None:
+            self._plants["stream"][0] = seed_stream(self.np_random)
+        failed = self._run(episode.BEGIN, templates, np.zeros(self.action_space.shape, np.float32))
+        if failed:
+            self._tasks["over"] = 1
+            raise ValueError(DRAW_FAILED)
+        if self._foreign is not None:
+            self._start_foreign(templates.satellites[int(self._tasks["template"][0])])
+        return self._observation[0].copy(), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Take one decision.
+
+        Args:
+            action: (n,) motor torque as fraction of the limit; cut to [-1, 1].
+
+        Returns:
+            Observation, reward, terminated, truncated, info.
+
+        Raises:
+            ValueError: the action is not finite or has another shape; nothing has changed.
+            gymnasium.error.ResetNeeded: the episode is over or was never started.
+            FloatingPointError: the filter's covariance broke.
+        """
+        action = np.asarray(action, dtype=np.float32)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
+        if not np.isfinite(action).all():
+            raise ValueError(f"action must be finite, got {action.tolist()}")
+        if self._tasks["over"][0]:
+            raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
+        if self._foreign is None:
+            failed = self._run(episode.DISABLED, self._templates, action)
+        else:
+            failed = self._step_foreign(action)
+        report = self._reports[0]
+        if failed:
+            raise FloatingPointError(BROKEN)
+        return (
+            self._observation[0].copy(),
+            float(report["reward"]),
+            bool(report["terminated"]),
+            bool(report["truncated"]),
+            self._info(),
+        )
+
+    def _run(self, mode: int, templates: Templates, action: np.ndarray) -> bool:
+        """One call of the core on the environment's only row."""
+        failed = episode.step_many(
+            0,
+            1,
+            mode,
+            self._chosen,
+            action[None],
+            templates.draws,
+            templates.records,
+            self._plants,
+            self._beliefs,
+            self._tasks,
+            self._work,
+            self._reports,
+            self._observation,
+            self._reports,
+            self._observation,
+        )
+        return failed > 0
+
+    def _info(self) -> dict[str, Any]:
+        report = self._reports[0]
+        info = {key: report[key] for key in INFO_KEYS}
+        info = {k: v.copy() if isinstance(v, np.ndarray) else v.item() for k, v in info.items()}
+        info["saturated"] = info["saturated"].astype(bool)
+        return info
+
+    # An estimator that is not compiled: the same decision, one sample at a time.
+
+    def _start_foreign(self, satellite: Satellite) -> None:
+        assert self._foreign is not None
+        plant = self._plants[0]
+        self._foreign.reset(brief(satellite, self.problem.scenario), plant["gyro"].copy(), plant["tachometer"].copy())
+        self._take_belief()
+        kernels.look(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
+
+    def _step_foreign(self, action: np.ndarray) -> bool:
+        assert self._foreign is not None
+        plant, task, report = self._plants[0], self._tasks[0], self._reports[0]
+        kernels.command(self._plants, self._tasks, self._work, self._reports, action)
+        first = self._spread()
+        gain = 0.0
+        for _ in range(task["samples"]):
+            kernels.sample(self._plants, self._tasks, self._work, self._reports)
+            gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()
+            self._foreign.predict(wheel_speed, float(task["sample_period"]))
+            self._take_belief()
+            before = self._spread()
+            report["nis"] = self._foreign.update(gyro, wheel_speed)
+            self._take_belief()
+            gain += before - self._spread()
+        report["information_gain"] = first - self._spread() if task["net"] else gain
+        kernels.conclude(
+            self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0]
+        )
+        return bool(self._beliefs["broken"][0])
+
+    def _take_belief(self) -> None:
+        """Copy the foreign estimator's state into the core's belief."""
+        belief = self._beliefs[0]
+        size = len(belief["mean"])
+        belief["mean"] = self._foreign.mean[:size]
+        belief["covariance"] = self._foreign.covariance[:size, :size]
+        if belief["kind"] == MOMENTUM:
+            spin = belief["wheel_inertia"] * self._plants[0]["tachometer"]
+            belief["wheel_input"][:3] = belief["axes"] @ spin
+
+    def _spread(self) -> float:
+        return kernels.spread(self._beliefs, self._work, self._tasks["criterion"][0])

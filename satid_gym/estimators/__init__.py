@@ -1,0 +1,31 @@
+"""Estimators of inertia from gyro and wheel speeds.
+
+State layout, stated once: [M, theta, tau] in momentum coordinates, [omega, theta, Omega] in rate coordinates,
+theta = (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz), body frame, SI units.
+"""
+
+from satid_gym.estimators.compiled import FilterRun, MomentumEKF, RateEKF
+from satid_gym.estimators.protocol import Estimator
+from satid_gym.estimators.reference import FilterpyMomentumEKF, FilterpyMomentumUKF, FilterpyRateEKF
+from satid_gym.estimators.settings import (
+    Briefing,
+    MomentumEKFSettings,
+    RateEKFSettings,
+    brief,
+    estimator_settings,
+)
+
+__all__ = [
+    "Briefing",
+    "Estimator",
+    "FilterRun",
+    "FilterpyMomentumEKF",
+    "FilterpyMomentumUKF",
+    "FilterpyRateEKF",
+    "MomentumEKF",
+    "MomentumEKFSettings",
+    "RateEKF",
+    "RateEKFSettings",
+    "brief",
+    "estimator_settings",
+]

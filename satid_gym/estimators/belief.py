@@ -1,0 +1,58 @@
+"""The core's belief record, built from a briefing and an estimator's tuning."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.records import MOMENTUM, RATE, belief_dtype, work_dtype
+from satid_gym.estimators.settings import (
+    PARAMETER_COUNT,
+    Briefing,
+    EstimatorSettings,
+    MomentumEKFSettings,
+    inertia_parameters,
+)
+
+
+def state_size(settings: EstimatorSettings, wheels: int) -> int:
+    """Length of the filter's state."""
+    p = PARAMETER_COUNT[settings.parameters]
+    return 3 + p + (3 if isinstance(settings, MomentumEKFSettings) else wheels)
+
+
+def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
+    """One row of belief, not yet started by a reading."""
+    wheels = briefing.wheels
+    n, p = wheels.count, PARAMETER_COUNT[settings.parameters]
+    rows = np.zeros(1, belief_dtype(n, p, state_size(settings, n)))
+    row = rows[0]
+    row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia
+    row["prior_theta"] = inertia_parameters(briefing.inertia, settings.parameters)
+    scale = row["theta_scale"] = briefing.theta_scale(settings.parameters)
+    row["substeps"] = 1
+    if isinstance(settings, MomentumEKFSettings):
+        row["kind"] = MOMENTUM
+        row["gyro_std"] = briefing.gyro_noise_std
+        row["tachometer_std"] = briefing.tachometer_noise_std
+        spin_std = wheels.inertia * briefing.tachometer_noise_std
+        row["wheel_momentum_covariance"] = (wheels.axes * spin_std**2) @ wheels.axes.T
+        row["prior_theta_std"] = briefing.prior_theta_std(settings.parameters)
+        row["prior_torque_std"] = briefing.disturbance_std
+        row["walk"][3 : 3 + p] = settings.inertia_walk * scale
+        row["walk"][3 + p :] = settings.disturbance_walk * briefing.disturbance_std
+        row["substeps"] = settings.substeps
+    else:
+        row["kind"] = RATE
+        row["gyro_std"], row["tachometer_std"] = settings.gyro_std, settings.wheel_speed_std
+        row["prior_theta_std"] = settings.prior_inertia_std
+        row["prior_std"] = settings.prior_rate_std, settings.prior_wheel_speed_std
+        row["walk"][:3] = settings.rate_walk
+        row["walk"][3 : 3 + p] = settings.inertia_walk
+        row["walk"][3 + p :] = settings.wheel_speed_walk
+    return rows
+
+
+def new_work(wheels: int, settings: EstimatorSettings) -> np.ndarray:
+    """Scratch space for one thread."""
+    p = PARAMETER_COUNT[settings.parameters]
+    return np.zeros(1, work_dtype(wheels, p, state_size(settings, wheels)))

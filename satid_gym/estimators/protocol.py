@@ -1,0 +1,43 @@
+"""What the environment asks of an estimator, compiled or not."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+
+from satid_gym.estimators.settings import Briefing, Parameters
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """An online estimator of inertia from gyro and wheel speeds.
+
+    Its state begins with a 3-vector and theta (p,): [M, theta, tau] in "momentum" coordinates (M: total
+    angular momentum, tau: disturbance torque, both body frame), [omega, theta, Omega] in "rate" coordinates.
+    Further states may follow.
+
+    Attributes:
+        coordinates: "momentum" or "rate".
+        parameters: "principal" (p = 3) or "full" (p = 6).
+        mean: (size,) state.
+        covariance: (size, size).
+    """
+
+    coordinates: Literal["momentum", "rate"]
+    parameters: Parameters
+
+    @property
+    def mean(self) -> np.ndarray: ...
+
+    @property
+    def covariance(self) -> np.ndarray: ...
+
+    def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+        """Start from what is known before launch and the first reading: gyro (3,), wheel_speed (n,), rad/s."""
+
+    def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
+        """Move the belief on by dt seconds; `wheel_speed` (n,) is the reading at the end of them."""
+
+    def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
+        """Take in the reading; returns the normalised innovation squared per degree of freedom."""

@@ -1,0 +1,166 @@
+"""What an estimator is told before launch, and how it is tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from satid_gym.config import Config, check_number, unknown_name
+from satid_gym.satellite import ReactionWheels, Satellite
+from satid_gym.scenario import Scenario
+
+Parameters = Literal["principal", "full"]
+PARAMETER_COUNT: dict[Parameters, int] = {"principal": 3, "full": 6}
+PRODUCTS = ((0, 1), (0, 2), (1, 2))  # rows and columns of parameters 4 to 6
+
+_LEAST_STD = 1e-9  # a sensor said to be noiseless is believed this far
+
+
+def inertia_parameters(tensor: np.ndarray, parameters: Parameters) -> np.ndarray:
+    """theta (p,) of inertia tensors (..., 3, 3): moments, and for "full" the products xy, xz, yz."""
+    theta = [tensor[..., i, i] for i in range(3)]
+    if parameters == "full":
+        theta += [tensor[..., i, j] for i, j in PRODUCTS]
+    return np.stack(theta, axis=-1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Briefing(Config):
+    """All that a filter may know before launch. It holds nothing of the true satellite.
+
+    Attributes:
+        wheels: reaction wheels, as built.
+        inertia: (3, 3) prior mean, kg m^2.
+        prior_std: std of the prior on each moment, relative.
+        product_std: std of the prior on each product, relative to the geometric mean of two moments.
+        gyro_noise_std: rad/s per sample.
+        tachometer_noise_std: rad/s per sample.
+        disturbance_std: N m, of the unknown torque about each axis.
+    """
+
+    wheels: ReactionWheels
+    inertia: np.ndarray
+    prior_std: float
+    product_std: float
+    gyro_noise_std: float
+    tachometer_noise_std: float
+    disturbance_std: float
+
+    def theta_scale(self, parameters: Parameters) -> np.ndarray:
+        """(p,) moments, and geometric means of two of them for the products."""
+        moments = np.diag(self.inertia)
+        products = [np.sqrt(moments[i] * moments[j]) for i, j in PRODUCTS] if parameters == "full" else []
+        return np.array([*moments, *products])
+
+    def prior_theta_std(self, parameters: Parameters) -> np.ndarray:
+        """(p,) std of the prior, kg m^2."""
+        count = PARAMETER_COUNT[parameters] - 3
+        return self.theta_scale(parameters) * np.array([self.prior_std] * 3 + [self.product_std] * count)
+
+
+def brief(satellite: Satellite, scenario: Scenario) -> Briefing:
+    """What is known of a satellite in a scenario: nominal values and data sheets."""
+    scale = scenario.prior_scale.get(satellite.name, scenario.prior_scale.get("*", 1.0))
+    operating = scenario.operate(satellite)
+    return Briefing(
+        wheels=operating.wheels,
+        inertia=scale * operating.inertia,
+        prior_std=scenario.prior_std,
+        product_std=scenario.product_std,
+        gyro_noise_std=max(operating.gyro_noise_std, _LEAST_STD),
+        tachometer_noise_std=operating.tachometer_noise_std,
+        disturbance_std=operating.disturbance_std,
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MomentumEKFSettings(Config):
+    """Tuning of the MomentumEKF.
+
+    Attributes:
+        name: "momentum".
+        parameters: "principal" for 3 moments along the body axes, "full" for all 6 of the tensor.
+        inertia_walk: random walk of each moment relative to its prior, per sqrt(s).
+        disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s).
+        substeps: midpoint steps between two readings.
+    """
+
+    name: Literal["momentum"] = "momentum"
+    parameters: Parameters = "principal"
+    inertia_walk: float = 0.004
+    disturbance_walk: float = 0.02
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        _check_parameters(self.parameters)
+        check_number("inertia_walk", self.inertia_walk)
+        check_number("disturbance_walk", self.disturbance_walk)
+        if not isinstance(self.substeps, int) or self.substeps < 1:
+            raise ValueError(f"substeps must be a whole number of at least 1, got {self.substeps!r}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RateEKFSettings(Config):
+    """Tuning of the RateEKF; the defaults are the paper's.
+
+    Attributes:
+        name: "rate".
+        parameters: "principal" or "full".
+        gyro_std: measurement noise it assumes, rad/s.
+        wheel_speed_std: likewise of the wheel speeds, rad/s.
+        rate_walk: process noise, rad/s per sqrt(s).
+        inertia_walk: kg m^2 per sqrt(s).
+        wheel_speed_walk: rad/s per sqrt(s).
+        prior_rate_std: rad/s.
+        prior_inertia_std: kg m^2.
+        prior_wheel_speed_std: rad/s.
+    """
+
+    name: Literal["rate"] = "rate"
+    parameters: Parameters = "principal"
+    gyro_std: float = 1e-3
+    wheel_speed_std: float = 1.0
+    rate_walk: float = 1e-3
+    inertia_walk: float = 1e-5
+    wheel_speed_walk: float = 1e-3
+    prior_rate_std: float = 1e-2
+    prior_inertia_std: float = 1.0
+    prior_wheel_speed_std: float = 0.1
+
+    def __post_init__(self) -> None:
+        _check_parameters(self.parameters)
+        for name in ("gyro_std", "wheel_speed_std", "prior_rate_std", "prior_inertia_std", "prior_wheel_speed_std"):
+            check_number(name, getattr(self, name), strict=True)
+        for name in ("rate_walk", "inertia_walk", "wheel_speed_walk"):
+            check_number(name, getattr(self, name))
+
+
+def _check_parameters(parameters: str) -> None:
+    if parameters not in PARAMETER_COUNT:
+        raise unknown_name("inertia parameters", parameters, PARAMETER_COUNT)
+
+
+EstimatorSettings = MomentumEKFSettings | RateEKFSettings
+ESTIMATORS: dict[str, type[MomentumEKFSettings] | type[RateEKFSettings]] = {
+    "momentum": MomentumEKFSettings,
+    "rate": RateEKFSettings,
+}
+
+
+def estimator_settings(value: str | Mapping[str, Any] | EstimatorSettings) -> EstimatorSettings:
+    """Settings from a name, a mapping with a "name", or themselves.
+
+    Raises:
+        ValueError: the name or a setting is unknown.
+    """
+    if isinstance(value, (MomentumEKFSettings, RateEKFSettings)):
+        return value
+    if isinstance(value, str):
+        value = {"name": value}
+    name = value.get("name")
+    if name not in ESTIMATORS:
+        raise unknown_name("estimator", name, ESTIMATORS)
+    return ESTIMATORS[name].from_dict(value)

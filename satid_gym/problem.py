@@ -1,0 +1,219 @@
+"""The problem an environment poses: satellites, inertia law, scenario, estimator, reward.
+
+Both environments are built from one `Problem`, and the core's templates are built from it here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from satid_gym.config import Config, unknown_name
+from satid_gym.core.records import draw_dtype, task_dtype
+from satid_gym.disturbance import Disturbance
+from satid_gym.estimators.belief import new_belief
+from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
+from satid_gym.laws import INERTIA_MODES, InertiaLaw, LawRanges
+from satid_gym.plant import new_plant
+from satid_gym.reward import CRITERIA, RewardSettings, reward_settings
+from satid_gym.satellite import SATELLITES, Satellite, inertia_tensor
+from satid_gym.scenario import SCENARIOS, Scenario
+
+SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
+InertiaLike = str | InertiaLaw | Mapping[str, Any]
+ScenarioLike = str | Scenario | Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem(Config):
+    """Everything that defines an environment, resolved and checked.
+
+    Attributes:
+        satellites: an episode draws one of them; all have the same number of wheels.
+        inertia: "random", a mode whose law is drawn from the scenario's ranges, or one exact law.
+        scenario: the world.
+        estimator: tuning of the compiled filter.
+        reward: what pays.
+    """
+
+    satellites: tuple[Satellite, ...]
+    inertia: str | InertiaLaw
+    scenario: Scenario
+    estimator: EstimatorSettings
+    reward: RewardSettings
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels n."""
+        return self.satellites[0].wheels.count
+
+
+def problem(
+    satellite: SatelliteLike = "microsat",
+    inertia: InertiaLike = "random",
+    scenario: ScenarioLike = "default",
+    estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
+    reward: None | str | Mapping[str, Any] | RewardSettings = None,
+    max_episode_steps: int | None = None,
+) -> Problem:
+    """Resolve what a user gave to `gymnasium.make`.
+
+    Raises:
+        ValueError: a name is unknown or a value is not valid.
+    """
+    world = _scenario(scenario)
+    if max_episode_steps is not None:
+        if not isinstance(max_episode_steps, (int, np.integer)) or max_episode_steps < 1:
+            raise ValueError(f"max_episode_steps must be a whole number of at least 1, got {max_episode_steps!r}")
+        world = world.replace(horizon=float(max_episode_steps) * world.decision_period)
+    satellites = tuple(_satellite(s) for s in _each(satellite))
+    counts = {s.wheels.count for s in satellites}
+    if len(counts) != 1:
+        raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
+    return Problem(
+        satellites=satellites,
+        inertia=_inertia(inertia),
+        scenario=world,
+        estimator=estimator_settings(world.estimator if estimator is None else estimator),
+        reward=reward_settings(reward),
+    )
+
+
+def _each(satellite: SatelliteLike) -> Sequence[str | Satellite | Mapping[str, Any]]:
+    if satellite == "random":
+        return list(SATELLITES)
+    if isinstance(satellite, (str, Satellite, Mapping)):
+        return [satellite]
+    if not isinstance(satellite, Sequence) or not satellite:
+        raise ValueError(f"satellite must be a name, a Satellite, a mapping or a list of these, got {satellite!r}")
+    return satellite
+
+
+def _satellite(value: str | Satellite | Mapping[str, Any]) -> Satellite:
+    if isinstance(value, Satellite):
+        return value
+    if isinstance(value, Mapping):
+        return Satellite.from_dict(value)
+    if value not in SATELLITES:
+        raise unknown_name("satellite", value, [*SATELLITES, "random"])
+    return SATELLITES[value]
+
+
+def _inertia(value: InertiaLike) -> str | InertiaLaw:
+    if isinstance(value, InertiaLaw):
+        return value
+    if isinstance(value, Mapping):
+        return InertiaLaw.from_dict(value)
+    if value not in ("random", *INERTIA_MODES):
+        raise unknown_name("inertia mode", value, ["random", *INERTIA_MODES])
+    return value
+
+
+def _scenario(value: ScenarioLike) -> Scenario:
+    if isinstance(value, Scenario):
+        return value
+    if isinstance(value, Mapping):
+        base = value.get("name", "default")
+        if base in SCENARIOS:
+            return SCENARIOS[base].replace(**value)
+        return Scenario.from_dict(value)
+    if value not in SCENARIOS:
+        raise unknown_name("scenario", value, SCENARIOS)
+    return SCENARIOS[value]
+
+
+@dataclass(frozen=True)
+class Templates:
+    """The core's records, one row a satellite."""
+
+    satellites: tuple[Satellite, ...]
+    draws: np.ndarray
+    plants: np.ndarray
+    beliefs: np.ndarray
+    tasks: np.ndarray
+
+    @property
+    def records(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What an episode starts as."""
+        return self.plants, self.beliefs, self.tasks
+
+
+def build_templates(p: Problem, inertia: np.ndarray | None = None) -> Templates:
+    """Templates of a problem; a true `inertia` (3,) or (3, 3) takes the place of the drawn one."""
+    rows = [_template(p, satellite, inertia) for satellite in p.satellites]
+    draws, plants, beliefs, tasks = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    tasks["template"] = np.arange(len(tasks))
+    return Templates(p.satellites, draws, plants, beliefs, tasks)
+
+
+def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> tuple[np.ndarray, ...]:
+    scenario = p.scenario
+    operating = scenario.operate(satellite)
+    law = p.inertia if isinstance(p.inertia, InertiaLaw) else None
+    disturbance = Disturbance(
+        gravity_gradient=scenario.gravity_gradient,
+        solar_force=(scenario.solar_pressure, 0.0, 0.0),
+        orbit_rate=scenario.orbit_rate,
+    )
+    true = operating if inertia is None else operating.replace(inertia=inertia_tensor(inertia, "true inertia"))
+    plants = new_plant(true, law, disturbance)
+    plant = plants[0]
+    plant["torque_noise_std"] = scenario.torque_noise * operating.wheels.max_torque
+    plant["torque_lag"] = scenario.torque_lag
+    plant["gyro_noise_std"], plant["gyro_bias_walk"] = operating.gyro_noise_std, scenario.gyro_bias_walk
+    plant["tachometer_noise_std"] = operating.tachometer_noise_std
+    briefing = brief(satellite, scenario)
+    beliefs = new_belief(briefing, p.estimator)
+    tasks = _task(p, operating, briefing.inertia)
+    draws = _draw(p, operating, law)
+    if inertia is not None:
+        draws["inertia_std"] = draws["tilt_std"] = 0.0
+    return draws, plants, beliefs, tasks
+
+
+def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
+    scenario, reward = p.scenario, p.reward
+    rows = np.zeros(1, task_dtype(satellite.wheels.count))
+    task = rows[0]
+    task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
+    task["decisions"] = scenario.decisions
+    task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
+    task["rate_limit"] = satellite.rate_limit
+    task["termination_rate"] = scenario.termination_factor * satellite.rate_limit
+    full = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
+    task["authority"] = full * scenario.decision_period / np.diag(prior) / satellite.rate_limit
+    task["criterion"], task["net"] = CRITERIA.index(reward.criterion), reward.net
+    for name in ("gain_scale", "envelope_margin", "envelope_weight", "effort_weight"):
+        task[name] = getattr(reward, name)
+    return rows
+
+
+def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None) -> np.ndarray:
+    scenario = p.scenario
+    rows = np.zeros(1, draw_dtype())
+    draw = rows[0]
+    draw["inertia_std"], draw["tilt_std"] = scenario.inertia_std, scenario.tilt_std
+    draw["wheel_speed_range"] = scenario.wheel_speed_range
+    draw["rate_std"] = scenario.initial_rate_std * satellite.rate_limit
+    draw["disturbance_std"] = satellite.disturbance_std
+    draw["attitude_random"] = scenario.random_attitude
+    if law is None:
+        modes = INERTIA_MODES if p.inertia == "random" else (p.inertia,)
+        draw["law_probability"] = [(mode in modes) / len(modes) for mode in INERTIA_MODES]
+        _write_ranges(draw, scenario.laws, scenario.horizon)
+    else:
+        draw["law_probability"] = [mode == law.mode for mode in INERTIA_MODES]
+        draw["law_size"], draw["law_time"] = law.size, law.time
+        draw["law_frequency"], draw["law_phase"] = law.frequency, law.phase
+        draw["change_given"] = law.change is not None
+    return rows
+
+
+def _write_ranges(draw: np.void, laws: LawRanges, horizon: float) -> None:
+    static, one = (0.0, 0.0), (horizon, horizon)
+    draw["law_size"] = [static, laws.step_size, laws.drift_size, laws.periodic_size]
+    draw["law_time"] = [one, [horizon * x for x in laws.step_time], one, one]
+    draw["law_frequency"], draw["law_phase"] = laws.frequency, laws.phase

@@ -1,0 +1,56 @@
+"""Settings of the reward."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from satid_gym.config import Config, check_number, unknown_name
+
+Criterion = Literal["logdet", "trace", "maxeig"]
+CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RewardSettings(Config):
+    """reward = gain_scale information - envelope_weight excess - effort_weight effort, for each decision.
+
+    Attributes:
+        criterion: what counts as information on theta, in nats: "logdet" (D-optimality), "trace" (A),
+            "maxeig" (E).
+        net: False sums what each filter update gains; True takes the change over the decision, which the
+            filter's own forgetting reduces.
+        gain_scale: reward for a nat.
+        envelope_weight: penalty for a unit of excess: the largest measured rate of the decision over the rate
+            limit, less the margin, where positive, summed over axes.
+        envelope_margin: fraction of the rate limit at which the penalty begins.
+        effort_weight: penalty for the mean square of the action.
+
+    Raises:
+        ValueError: the criterion is unknown or a number is negative.
+    """
+
+    criterion: Criterion = "logdet"
+    net: bool = False
+    gain_scale: float = 0.1
+    envelope_weight: float = 10.0
+    envelope_margin: float = 0.96
+    effort_weight: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.criterion not in CRITERIA:
+            raise unknown_name("information criterion", self.criterion, CRITERIA)
+        if not isinstance(self.net, bool):
+            raise ValueError(f"net must be True or False, got {self.net!r}")
+        for name in ("gain_scale", "envelope_weight", "envelope_margin", "effort_weight"):
+            check_number(name, getattr(self, name))
+
+
+def reward_settings(value: None | str | Mapping[str, Any] | RewardSettings) -> RewardSettings:
+    """Settings from None (defaults), the name of a criterion, a mapping, or themselves."""
+    if value is None:
+        return RewardSettings()
+    if isinstance(value, str):
+        return RewardSettings(criterion=value)  # type: ignore[arg-type]
+    return value if isinstance(value, RewardSettings) else RewardSettings.from_dict(value)

@@ -1,0 +1,149 @@
+"""Scenarios: in what world an episode takes place, and how the truth scatters about what is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from satid_gym.config import Config, check_number
+from satid_gym.laws import PAPER_LAWS, LawRanges
+from satid_gym.satellite import Satellite
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scenario(Config):
+    """Settings of the world; `None` means the satellite's own value.
+
+    Attributes:
+        name: what tables call it.
+        decision_period: s between two actions.
+        sample_period: s between two readings and filter steps; it divides the decision period.
+        horizon: s, a whole number of decisions.
+        inertia_std: std of the logarithm of the true moments about nominal, by axis.
+        tilt_std: std of the rotation of the true principal axes about each body axis, rad.
+        prior_std: std of the filter's prior on each moment, relative to its mean.
+        product_std: std of its prior on the products of inertia, relative to the geometric mean of moments.
+        prior_scale: mean of that prior over nominal, by satellite name; "*" names all others.
+        laws: ranges of the inertia laws.
+        wheel_speed_range: first wheel speeds are uniform within this fraction of the limit.
+        wheel_speed_scale: factor on the wheels' speed limit (a tenth of it: a tenth of the momentum).
+        initial_rate_std: std of the first body rates over the rate limit.
+        torque_noise: std of the motor torque noise over the torque limit, drawn anew each decision.
+        torque_lag: time constant of the motors, s.
+        gyro_noise_std: rad/s per sample.
+        gyro_bias_walk: rad/s per sqrt(s).
+        tachometer_noise_std: rad/s per sample.
+        disturbance_scale: factor on the satellite's disturbance torque.
+        gravity_gradient: whether it acts.
+        solar_pressure: N, force of the sunlight, fixed in inertial space; it acts 1 cm from the centre of mass.
+        orbit_rate: rad/s.
+        random_attitude: whether the first attitude is random (else body and inertial frame coincide).
+        rate_limit: rad/s.
+        termination_factor: the episode ends where a body rate exceeds this many rate limits.
+        estimator: name of the filter that is the scenario's default.
+
+    Raises:
+        ValueError: a value is out of range, or the periods do not divide.
+    """
+
+    name: str = "default"
+    decision_period: float = 1.0
+    sample_period: float = 0.1
+    horizon: float = 300.0
+    inertia_std: float = 0.15
+    tilt_std: float = 0.0
+    prior_std: float = 0.3
+    product_std: float = 0.05
+    prior_scale: Mapping[str, float] = field(default_factory=dict)
+    laws: LawRanges = field(default_factory=LawRanges)
+    wheel_speed_range: float = 0.2
+    wheel_speed_scale: float = 1.0
+    initial_rate_std: float = 0.02
+    torque_noise: float = 0.05
+    torque_lag: float = 0.0
+    gyro_noise_std: float | None = None
+    gyro_bias_walk: float = 1e-7
+    tachometer_noise_std: float | None = None
+    disturbance_scale: float = 1.0
+    gravity_gradient: bool = True
+    solar_pressure: float = 1e-6
+    orbit_rate: float = 1e-3
+    random_attitude: bool = True
+    rate_limit: float | None = None
+    termination_factor: float = 3.0
+    estimator: str = "momentum"
+
+    def __post_init__(self) -> None:
+        for name in ("decision_period", "sample_period", "horizon", "prior_std", "product_std", "wheel_speed_scale"):
+            check_number(name, getattr(self, name), strict=True)
+        for name in ("inertia_std", "tilt_std", "initial_rate_std", "torque_noise", "torque_lag", "gyro_bias_walk"):
+            check_number(name, getattr(self, name))
+        for name in ("disturbance_scale", "solar_pressure", "orbit_rate"):
+            check_number(name, getattr(self, name))
+        check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
+        check_number("termination_factor", self.termination_factor, low=1.0)
+        for name in ("gyro_noise_std", "tachometer_noise_std"):
+            if getattr(self, name) is not None:
+                check_number(name, getattr(self, name))
+        if self.rate_limit is not None:
+            check_number("rate_limit", self.rate_limit, strict=True)
+        for satellite, scale in self.prior_scale.items():
+            check_number(f"prior_scale of {satellite}", scale, strict=True)
+        if isinstance(self.laws, Mapping):
+            object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
+        _whole("decision_period / sample_period", self.decision_period / self.sample_period)
+        _whole("horizon / decision_period", self.horizon / self.decision_period)
+
+    @property
+    def samples(self) -> int:
+        """Filter steps a decision."""
+        return round(self.decision_period / self.sample_period)
+
+    @property
+    def decisions(self) -> int:
+        """Decisions an episode."""
+        return round(self.horizon / self.decision_period)
+
+    def operate(self, satellite: Satellite) -> Satellite:
+        """The satellite as this scenario operates it: with its limits and sensors where it sets them."""
+        wheels = satellite.wheels
+        changes: dict[str, Any] = {
+            "wheels": wheels.replace(max_speed=wheels.max_speed * self.wheel_speed_scale),
+            "disturbance_std": satellite.disturbance_std * self.disturbance_scale,
+        }
+        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std"):
+            if getattr(self, name) is not None:
+                changes[name] = getattr(self, name)
+        return satellite.replace(**changes)
+
+
+def _whole(name: str, ratio: float) -> None:
+    if abs(ratio - round(ratio)) > 1e-9 * ratio or round(ratio) < 1:
+        raise ValueError(f"{name} must be a whole number, got {ratio:g}")
+
+
+SCENARIOS: dict[str, Scenario] = {
+    scenario.name: scenario
+    for scenario in (
+        Scenario(),
+        Scenario(name="tight", wheel_speed_scale=0.1),
+        Scenario(
+            name="paper",
+            sample_period=1.0,
+            inertia_std=0.0,
+            prior_scale={"cubesat": 0.80, "*": 0.85},
+            laws=PAPER_LAWS,
+            wheel_speed_range=0.0,
+            initial_rate_std=0.0,
+            torque_lag=0.1,
+            gyro_noise_std=1e-6,
+            tachometer_noise_std=0.0,
+            disturbance_scale=0.0,
+            gravity_gradient=False,
+            random_attitude=False,
+            rate_limit=0.5,
+            estimator="rate",
+        ),
+    )
+}

@@ -1,0 +1,108 @@
+"""Open-loop simulation of the truth, without noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from satid_gym.config import check_number, real_array
+from satid_gym.core import kernels
+from satid_gym.disturbance import Disturbance
+from satid_gym.laws import InertiaLaw
+from satid_gym.plant import new_plant
+from satid_gym.satellite import Satellite
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trajectory:
+    """What `simulate` returns; N torques give N + 1 states.
+
+    Attributes:
+        time: (N + 1,) s.
+        omega: (N + 1, 3) body rate, rad/s, body frame.
+        wheel_speed: (N + 1, n) relative to the body, rad/s.
+        momentum: (N + 1, 3) total angular momentum, N m s, body frame.
+        attitude: (N + 1, 4) quaternion, body to inertial, scalar last.
+        torque: (N, n) motor torque applied, mean over each interval, N m.
+        inertia: (N + 1, 3, 3) kg m^2.
+    """
+
+    time: np.ndarray
+    omega: np.ndarray
+    wheel_speed: np.ndarray
+    momentum: np.ndarray
+    attitude: np.ndarray
+    torque: np.ndarray
+    inertia: np.ndarray
+
+
+def simulate(
+    satellite: Satellite,
+    torque: np.ndarray,
+    dt: float,
+    *,
+    omega0: object = (0.0, 0.0, 0.0),
+    wheel_speed0: object = None,
+    attitude0: object = (0.0, 0.0, 0.0, 1.0),
+    law: InertiaLaw | None = None,
+    disturbance: Disturbance | object = None,
+    substeps: int = 10,
+) -> Trajectory:
+    """Fly a torque history; exact dynamics with torque and speed limits, no noise.
+
+    Args:
+        satellite: its nominal inertia is taken as the true one.
+        torque: (N, n) motor torque on the wheels, N m, each held for dt; cut to the torque limit. The body
+            feels -A u.
+        dt: s.
+        omega0: (3,) first body rate, rad/s.
+        wheel_speed0: (n,) first wheel speeds, rad/s; at rest where None.
+        attitude0: (4,) first attitude, body to inertial, scalar last; it is normalised.
+        law: how the inertia varies; static where None.
+        disturbance: external torque: a `Disturbance`, or (3,) N m constant in the body frame.
+        substeps: Runge-Kutta steps in each dt. The error goes with the fourth power of the angle turned in
+            one of them.
+
+    Returns:
+        Trajectory.
+
+    Raises:
+        ValueError: an argument is not finite, has another shape, or a wheel starts beyond its limit.
+    """
+    wheels = satellite.wheels
+    torque = np.ascontiguousarray(real_array("torque", torque))
+    if torque.ndim != 2 or torque.shape[1] != wheels.count:
+        raise ValueError(f"torque must have shape (N, {wheels.count}), got {torque.shape}")
+    dt = check_number("dt", dt, strict=True)
+    if not isinstance(substeps, (int, np.integer)) or substeps < 1:
+        raise ValueError(f"substeps must be a whole number of at least 1, got {substeps!r}")
+    if disturbance is not None and not isinstance(disturbance, Disturbance):
+        disturbance = Disturbance(constant=real_array("disturbance", disturbance, (3,)))
+    rows = new_plant(satellite, law, disturbance)
+    row = rows[0]
+    row["rate"] = real_array("omega0", omega0, (3,))
+    if wheel_speed0 is not None:
+        speed = real_array("wheel_speed0", wheel_speed0, (wheels.count,))
+        if np.any(np.abs(speed) > wheels.max_speed):
+            raise ValueError(f"wheel_speed0 must be within +-{wheels.max_speed.tolist()} rad/s, got {speed.tolist()}")
+        row["wheel_speed"] = speed
+    attitude = real_array("attitude0", attitude0, (4,))
+    norm = np.linalg.norm(attitude)
+    if norm < 1e-6:
+        raise ValueError("attitude0 must be a quaternion of nonzero length")
+    row["attitude"] = attitude / norm
+    count, n = torque.shape
+    out = Trajectory(
+        time=dt * np.arange(count + 1),
+        omega=np.empty((count + 1, 3)),
+        wheel_speed=np.empty((count + 1, n)),
+        momentum=np.empty((count + 1, 3)),
+        attitude=np.empty((count + 1, 4)),
+        torque=np.empty((count, n)),
+        inertia=np.empty((count + 1, 3, 3)),
+    )
+    kernels.simulate(
+        rows, torque, dt, substeps, out.momentum, out.omega, out.wheel_speed, out.attitude, out.inertia, out.torque
+    )
+    return out

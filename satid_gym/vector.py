@@ -1,0 +1,282 @@
+"""SatInertiaID-v0, many at once: the same core over many rows, shared out among threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from satid_gym.config import unknown_name
+from satid_gym.core import episode
+from satid_gym.core.records import report_dtype
+from satid_gym.env import BROKEN, DRAW_FAILED, INFO_KEYS, make_spaces, option_templates, seed_stream
+from satid_gym.estimators.belief import new_work
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.problem import (
+    InertiaLike,
+    SatelliteLike,
+    ScenarioLike,
+    Templates,
+    build_templates,
+    problem,
+)
+from satid_gym.reward import RewardSettings
+
+_MODES = {
+    AutoresetMode.NEXT_STEP: episode.NEXT_STEP,
+    AutoresetMode.SAME_STEP: episode.SAME_STEP,
+    AutoresetMode.DISABLED: episode.DISABLED,
+}
+_LEAST_ROWS = 16  # for a thread: below it handing over costs more than it gains
+
+
+class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """`num_envs` independent copies of `SatInertiaIDEnv`, stepped together.
+
+    Environment i of a vector seeded s equals the single environment seeded s + i, whatever the number of
+    environments and threads. See `SatInertiaIDEnv` for spaces, reward and settings.
+
+    Args:
+        num_envs: how many.
+        satellite, inertia, scenario, estimator, reward, max_episode_steps: as in `SatInertiaIDEnv`; the
+            estimator is a compiled one.
+        autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
+            `reset(options={"reset_mask": mask})`.
+        num_threads: the most threads to use; all cores where None.
+        stagger: start the episodes of the first reset with less time left, evenly spread, so that later
+            resets do not all fall on one step. For training.
+
+    Raises:
+        ValueError: a name is unknown or a value is not valid.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        satellite: SatelliteLike = "microsat",
+        inertia: InertiaLike = "random",
+        scenario: ScenarioLike = "default",
+        estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
+        reward: None | str | Mapping[str, Any] | RewardSettings = None,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        num_threads: int | None = None,
+        stagger: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        super().__init__()
+        if not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
+            raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
+        if num_threads is not None and num_threads < 1:
+            raise ValueError(f"num_threads must be at least 1, got {num_threads!r}")
+        if render_mode is not None:
+            raise unknown_name("render mode of the vector environment", render_mode, ["None"])
+        self.num_envs = int(num_envs)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
+        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps)
+        self.stagger = stagger
+        self._templates = build_templates(self.problem)
+        n, rows = self.problem.wheels, self.num_envs
+        self._plants = np.zeros(rows, self._templates.plants.dtype)
+        self._beliefs = np.zeros(rows, self._templates.beliefs.dtype)
+        self._tasks = np.zeros(rows, self._templates.tasks.dtype)
+        self._reports = np.zeros(rows, report_dtype(n))
+        self._final_reports = np.zeros(rows, report_dtype(n))
+        parameters = self._beliefs["prior_theta"].shape[1]
+        self.single_observation_space, self.single_action_space = make_spaces(self.problem, parameters)
+        self.observation_space = batch_space(self.single_observation_space, rows)
+        self.action_space = batch_space(self.single_action_space, rows)
+        self._observations = np.zeros(self.observation_space.shape, np.float32)
+        self._final_observations = np.zeros_like(self._observations)
+        self._actions = np.zeros(self.action_space.shape, np.float32)
+        self._generators: list[np.random.Generator] = []
+        self._seeds: list[int | None] = [None] * rows
+        self._tasks["over"] = 1
+        self._set_threads(num_threads)
+
+    def _set_threads(self, num_threads: int | None) -> None:
+        most = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        count = max(1, min(num_threads or most, self.num_envs // _LEAST_ROWS))
+        edges = np.linspace(0, self.num_envs, count + 1).astype(int).tolist()
+        self._shares = list(zip(edges[:-1], edges[1:], strict=True))
+        self._work = [new_work(self.problem.wheels, self.problem.estimator) for _ in self._shares]
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_process = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pool": None}
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:
+        """Seeds of the environments; None where one was drawn from the operating system."""
+        return tuple(self._seeds)
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:
+        """Generators that the environments' streams were started from."""
+        return tuple(self._generators)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode in every environment, or in those of a mask.
+
+        Args:
+            seed: s gives environment i the seed s + i; a list gives each its own.
+            options: those of the single environment, for these episodes alone, and `reset_mask`
+                ((num_envs,) bool).
+
+        Returns:
+            Observations (num_envs, size) and infos.
+
+        Raises:
+            ValueError: an option, the mask or the number of seeds is not valid; nothing has changed.
+        """
+        options = dict(options or {})
+        mask = self._mask(options.pop("reset_mask", None))
+        templates = option_templates(self.problem, options) if options else self._templates
+        self._seed(seed, mask)
+        if self._run(episode.BEGIN, templates, mask.astype(np.int8)):
+            self._tasks["over"][mask] = 1
+            raise ValueError(DRAW_FAILED)
+        if self.stagger:
+            rows = np.flatnonzero(mask)
+            self._tasks["decision"][rows] = np.arange(len(rows)) * self._tasks["decisions"][rows] // len(rows)
+            self.stagger = False
+        return self._observations.copy(), self._infos(self._reports, mask)
+
+    def _mask(self, mask: Any) -> np.ndarray:
+        if mask is None:
+            return np.ones(self.num_envs, bool)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise ValueError(
+                f"reset_mask must be a boolean array of shape ({self.num_envs},) with at least one True, "
+                f"got {mask.dtype} {mask.shape}"
+            )
+        return mask
+
+    def _seed(self, seed: int | Sequence[int | None] | None, mask: np.ndarray) -> None:
+        """Start the streams of the masked environments that get a seed or have none yet."""
+        if seed is None:
+            seeds: list[int | None] = [None] * self.num_envs
+        elif isinstance(seed, (int, np.integer)):
+            seeds = [int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"seed must be one number or {self.num_envs} of them, got {len(seeds)}")
+        if not self._generators:
+            self._generators = [np.random.default_rng() for _ in range(self.num_envs)]
+            mask = np.ones(self.num_envs, bool)
+            unseeded = mask
+        else:
+            unseeded = np.zeros(self.num_envs, bool)
+        for i in np.flatnonzero(mask):
+            if seeds[i] is not None or unseeded[i]:
+                self._seeds[i] = seeds[i]
+                self._generators[i] = gymnasium.utils.seeding.np_random(seeds[i])[0]
+                self._plants["stream"][i] = seed_stream(self._generators[i])
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Take one decision in every environment.
+
+        Args:
+            actions: (num_envs, n) motor torque as fraction of the limit; cut to [-1, 1].
+
+        Returns:
+            Observations, rewards, terminations, truncations, infos.
+
+        Raises:
+            ValueError: the actions are not finite or have another shape; nothing has changed.
+            gymnasium.error.ResetNeeded: an episode is over and autoreset is disabled, or nothing was reset yet.
+            FloatingPointError: a filter's covariance broke.
+        """
+        actions = np.asarray(actions, dtype=np.float32)
+        if actions.shape != self._actions.shape:
+            raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")
+        if not np.isfinite(actions).all():
+            raise ValueError(f"actions must be finite; rows {np.flatnonzero(~np.isfinite(actions).all(1)).tolist()} are not")
+        if not self._generators:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        same = self.autoreset_mode is AutoresetMode.SAME_STEP
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._tasks["over"].any():
+            raise gymnasium.error.ResetNeeded(
+                f"episodes {np.flatnonzero(self._tasks['over']).tolist()} are over: "
+                "call reset(options={'reset_mask': mask}) before step()"
+            )
+        self._actions[:] = actions
+        if self._run(_MODES[self.autoreset_mode], self._templates, np.zeros(self.num_envs, np.int8)):
+            raise FloatingPointError(BROKEN if self._beliefs["broken"].any() else DRAW_FAILED)
+        reports = self._reports
+        terminations, truncations = reports["terminated"].astype(bool), reports["truncated"].astype(bool)
+        infos = self._infos(reports, np.ones(self.num_envs, bool))
+        over = terminations | truncations
+        if same and over.any():
+            final = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(over):
+                final[i] = self._final_observations[i].copy()
+            infos |= {"final_obs": final, "_final_obs": over.copy()}
+            infos |= {"final_info": self._infos(self._final_reports, over), "_final_info": over.copy()}
+        return self._observations.copy(), reports["reward"].copy(), terminations, truncations, infos
+
+    def _infos(self, reports: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+        infos: dict[str, Any] = {}
+        for key in INFO_KEYS:
+            value = reports[key].astype(bool) if key == "saturated" else reports[key].copy()
+            if not mask.all():
+                value[~mask] = 0
+            infos[key], infos[f"_{key}"] = value, mask.copy()
+        return infos
+
+    def _run(self, mode: int, templates: Templates, chosen: np.ndarray) -> int:
+        """One call of the core on all rows; the number of rows that failed."""
+        pool = self._threads()
+        futures = [pool.submit(self._run_share, i, mode, templates, chosen) for i in range(1, len(self._shares))] if pool else []
+        failed = self._run_share(0, mode, templates, chosen)
+        return failed + sum(future.result() for future in futures)
+
+    def _threads(self) -> ThreadPoolExecutor | None:
+        """The pool, made anew after a fork or a copy."""
+        if len(self._shares) == 1:
+            return None
+        if self._pool is None or self._pool_process != os.getpid():
+            self._pool = ThreadPoolExecutor(len(self._shares) - 1, thread_name_prefix="satid-gym")
+            self._pool_process = os.getpid()
+        return self._pool
+
+    def _run_share(self, share: int, mode: int, templates: Templates, chosen: np.ndarray) -> int:
+        return episode.step_many(
+            *self._shares[share],
+            mode,
+            chosen,
+            self._actions,
+            templates.draws,
+            templates.records,
+            self._plants,
+            self._beliefs,
+            self._tasks,
+            self._work[share],
+            self._reports,
+            self._observations,
+            self._final_reports,
+            self._final_observations,
+        )
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
