@@ -17,6 +17,7 @@ from satid_gym.core.jit import inline
 
 _FLOOR = 0.05  # of the prior inertia: below it an estimate is not believed
 _MOST_HALVINGS = 40
+_CANCELLATION = 10.0  # predicted over measured variance beyond which P - K h P loses digits
 
 
 @inline
@@ -61,13 +62,14 @@ def propagate(belief, work, dt):
     """P = F P F^T + Q, with F's first three rows in work.transition and Q the random walks over dt."""
     covariance, transition, product = belief.covariance, work.transition, work.product
     size = belief.mean.shape[0]
-    for i in range(3):
-        for j in range(size):
-            product[i, j] = 0.0
+    for j in range(size):
+        x = y = z = 0.0
         for k in range(size):
-            f = transition[i, k]
-            for j in range(size):
-                product[i, j] += f * covariance[k, j]
+            c = covariance[j, k]
+            x += transition[0, k] * c
+            y += transition[1, k] * c
+            z += transition[2, k] * c
+        product[0, j], product[1, j], product[2, j] = x, y, z
     for i in range(3):
         for j in range(i, 3):
             total = 0.0
@@ -86,7 +88,7 @@ def update(belief, work, rows, support):
 
     Each scalar has unit noise: work.innovation[r] = work.rows[r] . (x - mean) + N(0, 1); only the first
     `support` entries of a row are used. Joseph's form (1 - K h) P (1 - K h)^T + K K^T, expanded so that P
-    stays symmetric. Returns the normalised innovation squared, chi-square with `rows` degrees of freedom.
+    stays symmetric; its second half, which mends rounding, is left out where little cancels. Returns the normalised innovation squared, chi-square with `rows` degrees of freedom.
     """
     covariance, ph, gain, delta = belief.covariance, work.ph, work.gain, work.delta
     size = belief.mean.shape[0]
@@ -98,8 +100,9 @@ def update(belief, work, rows, support):
         for i in range(size):
             ph[i] = 0.0
         for k in range(support):
-            for i in range(size):
-                ph[i] += covariance[k, i] * h[k]
+            if h[k] != 0.0:
+                for i in range(size):
+                    ph[i] += covariance[k, i] * h[k]
         variance, innovation = 1.0, work.innovation[r]
         for k in range(support):
             variance += h[k] * ph[k]
@@ -112,7 +115,9 @@ def update(belief, work, rows, support):
         for i in range(size):
             for j in range(size):
                 covariance[i, j] -= ph[i] * ph[j]
-        # what is left along h, and how far it is from the gain that theory gives
+        if variance < _CANCELLATION:
+            continue
+        # what cancellation left of P h, and how far that is from the gain that theory gives
         remainder = work.remainder
         for i in range(size):
             remainder[i] = 0.0
