@@ -1,0 +1,144 @@
+"""One protocol for every comparison: policies x satellites x inertia modes x seeds -> records.
+
+All policies of a cell fly the same episodes: same truth and same noise for the same seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from satid_gym import metrics
+from satid_gym.config import unknown_name
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.laws import PAPER_LAWS
+from satid_gym.policy import Policy, missions
+from satid_gym.problem import InertiaLike, ScenarioLike, problem
+from satid_gym.reward import RewardSettings
+from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
+from satid_gym.vector import SatInertiaIDVectorEnv
+
+Split = Literal["training", "tuning", "validation", "test"]
+FIRST_SEED: dict[Split, int] = {
+    "training": 0,
+    "tuning": 1_000_000_000,
+    "validation": 2_000_000_000,
+    "test": 3_000_000_000,
+}
+SPLIT_SIZE = 1_000_000_000
+
+
+def seeds(split: Split, count: int, offset: int = 0) -> list[int]:
+    """Seeds of one split; splits never meet.
+
+    Raises:
+        ValueError: the split is unknown or has fewer seeds.
+    """
+    if split not in FIRST_SEED:
+        raise unknown_name("split of seeds", split, FIRST_SEED)
+    if offset < 0 or count < 0 or offset + count > SPLIT_SIZE:
+        raise ValueError(f"a split has {SPLIT_SIZE} seeds, asked for {count} from {offset}")
+    return list(range(FIRST_SEED[split] + offset, FIRST_SEED[split] + offset + count))
+
+
+def benchmark_scenario(name: str = "default") -> Scenario:
+    """A scenario with the paper's exact inertia laws, as the benchmark flies it."""
+    return problem(scenario=name).scenario.replace(laws=PAPER_LAWS)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flight:
+    """Time series of one policy in one cell, (T, N) for T decisions of N episodes.
+
+    Attributes:
+        time: (T,) s.
+        error: relative error of the inertia estimate.
+        outside: share of the decision's samples outside the rate limit.
+        nees, information, effort, reward: of each decision.
+        saturated: share of the wheels that were at their speed limit.
+        alive: False from the decision after a termination on; error is held, outside is 1, the rest is 0.
+    """
+
+    time: np.ndarray
+    error: np.ndarray
+    outside: np.ndarray
+    nees: np.ndarray
+    information: np.ndarray
+    effort: np.ndarray
+    reward: np.ndarray
+    saturated: np.ndarray
+    alive: np.ndarray
+    step_time: float | None
+
+    def scores(self) -> dict[str, np.ndarray]:
+        """Scores of each episode, (N,) each."""
+        nees = np.where(self.alive, self.nees, np.nan)
+        return {
+            "final_error": metrics.final_error(self.error),
+            "mean_error": metrics.mean_error(self.error),
+            "time_to_1pct_s": metrics.time_to(self.error, self.time),
+            "outside_fraction": self.outside.mean(axis=0),
+            "information_nats": self.information.sum(axis=0),
+            "nees": metrics.consistency(nees, self.time, self.step_time),
+            "effort": self.effort.sum(axis=0) / self.alive.sum(axis=0),
+            "saturated_fraction": self.saturated.mean(axis=0),
+            "reward": self.reward.sum(axis=0),
+            "terminated": ~self.alive[-1],
+        }
+
+
+def fly(
+    policy: Policy,
+    *,
+    satellite: str | Satellite,
+    inertia: InertiaLike,
+    seeds: Sequence[int],
+    scenario: ScenarioLike = "default",
+    estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
+    reward: None | str | Mapping[str, Any] | RewardSettings = None,
+    num_threads: int | None = None,
+) -> Flight:
+    """Fly one policy through the episodes of one cell, side by side.
+
+    Args:
+        policy: what decides.
+        satellite, inertia, scenario, estimator, reward: as for the environment.
+        seeds: one for each episode.
+        num_threads: see `SatInertiaIDVectorEnv`.
+    """
+    env = SatInertiaIDVectorEnv(
+        len(seeds), satellite, inertia, scenario, estimator, reward, num_threads=num_threads
+    )
+    world = env.problem.scenario
+    (mission,) = missions(env.problem)
+    policy.reset(mission, seeds)
+    observation, _ = env.reset(seed=list(seeds))
+    decisions, count = world.decisions, len(seeds)
+    names = ("error", "outside", "nees", "information", "effort", "reward", "saturated")
+    series = {name: np.zeros((decisions, count)) for name in names}
+    alive = np.ones((decisions + 1, count), bool)
+    for t in range(decisions):
+        observation, gained, terminated, _, info = env.step(policy(observation))
+        now = alive[t]
+        series["error"][t] = np.where(now, info["relative_error"], series["error"][t - 1])
+        series["outside"][t] = np.where(now, info["cost"], 1.0)
+        series["nees"][t] = np.where(now, info["nees"], 0.0)
+        series["information"][t] = np.where(now, info["information_gain"], 0.0)
+        series["effort"][t] = np.where(now, info["effort"], 0.0)
+        series["reward"][t] = np.where(now, gained, 0.0)
+        series["saturated"][t] = np.where(now, info["saturated"].mean(axis=1), 0.0)
+        alive[t + 1] = now & ~terminated
+    env.close()
+    time = world.decision_period * np.arange(1, decisions + 1)
+    return Flight(time=time, alive=alive[:-1], step_time=_step_time(inertia, world), **series)
+
+
+def _step_time(inertia: InertiaLike, scenario: Scenario) -> float | None:
+    """When the inertia steps, where all episodes step together."""
+    if inertia == "step" and scenario.laws.step_time[0] == scenario.laws.step_time[1]:
+        return scenario.laws.step_time[0] * scenario.horizon
+    return None

@@ -1,0 +1,68 @@
+"""What decides: one protocol for scripted, closed-loop and learned excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+
+from satid_gym.core.observation import layout
+from satid_gym.estimators.settings import PARAMETER_COUNT, brief
+from satid_gym.problem import Problem
+from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
+
+Kind = Literal["scripted", "closed_loop", "learned", "reference"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mission:
+    """What a policy is told before an episode: what its designer would know, and nothing of the truth.
+
+    Attributes:
+        satellite: nominal, with the limits and sensors it is operated with.
+        prior_inertia: (3, 3) mean of the filter's prior, kg m^2.
+        scenario: the world.
+        layout: names and places of the observation's parts.
+    """
+
+    satellite: Satellite
+    prior_inertia: np.ndarray
+    scenario: Scenario
+    layout: dict[str, slice]
+
+
+def missions(problem: Problem) -> list[Mission]:
+    """One mission for each satellite of a problem."""
+    scenario = problem.scenario
+    places = layout(problem.wheels, PARAMETER_COUNT[problem.estimator.parameters])
+    return [
+        Mission(
+            satellite=scenario.operate(satellite),
+            prior_inertia=brief(satellite, scenario).inertia,
+            scenario=scenario,
+            layout=places,
+        )
+        for satellite in problem.satellites
+    ]
+
+
+class Policy(Protocol):
+    """Chooses the actions of a batch of episodes that run side by side.
+
+    Attributes:
+        name: what tables call it.
+        kind: scripted, closed_loop, learned or reference.
+    """
+
+    name: str
+    kind: Kind
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        """Prepare for len(seeds) episodes that start together; a random policy draws from the seeds alone."""
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, n) in [-1, 1] for observations (N, size)."""
