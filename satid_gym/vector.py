@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -33,6 +34,7 @@ _MODES = {
     AutoresetMode.SAME_STEP: episode.SAME_STEP,
     AutoresetMode.DISABLED: episode.DISABLED,
 }
+_STATE = ("plants", "beliefs", "tasks", "reports", "observations")
 _LEAST_ROWS = 16  # for a thread: below it handing over costs more than it gains
 
 
@@ -176,16 +178,13 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs} of them, got {len(seeds)}")
-        if not self._generators:
+        first = not self._generators
+        if first:
             self._generators = [np.random.default_rng() for _ in range(self.num_envs)]
-            mask = np.ones(self.num_envs, bool)
-            unseeded = mask
-        else:
-            unseeded = np.zeros(self.num_envs, bool)
-        for i in np.flatnonzero(mask):
-            if seeds[i] is not None or unseeded[i]:
+        for i in range(self.num_envs):
+            if first or (mask[i] and seeds[i] is not None):
                 self._seeds[i] = seeds[i]
-                self._generators[i] = gymnasium.utils.seeding.np_random(seeds[i])[0]
+                self._generators[i] = seeding.np_random(seeds[i])[0]
                 self._plants["stream"][i] = seed_stream(self._generators[i])
 
     def step(
@@ -274,6 +273,26 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self._final_reports,
             self._final_observations,
         )
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Every number the environments go on from; truth and belief are in it, so it is not for policies."""
+        return {name: getattr(self, f"_{name}").copy() for name in _STATE}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go back to a `state` of a vector with the same settings.
+
+        Raises:
+            ValueError: an array is missing or of another type or shape; nothing has changed.
+        """
+        for name in _STATE:
+            own = getattr(self, f"_{name}")
+            if name not in state or state[name].dtype != own.dtype or state[name].shape != own.shape:
+                raise ValueError(f"state has no {name} of dtype {own.dtype} and shape {own.shape}: it is of other settings")
+        if not self._generators:
+            self._seed(None, np.ones(self.num_envs, bool))
+        for name in _STATE:
+            getattr(self, f"_{name}")[:] = state[name]
+        self.stagger = False
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads."""

@@ -1,0 +1,124 @@
+"""SatInertiaID-v0 for Stable-Baselines3, on the native vector environment.
+
+The only module of the library that needs Stable-Baselines3; nothing else imports it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv
+
+from satid_gym.vector import SatInertiaIDVectorEnv
+
+
+class SatInertiaIDVecEnv(VecEnv):
+    """`SatInertiaIDVectorEnv` as a Stable-Baselines3 `VecEnv`.
+
+    Episodes start staggered, so that a rollout holds every part of an episode and resets do not come all at
+    once. The info of an episode's last step holds `terminal_observation`, `TimeLimit.truncated`, `episode`
+    (as Stable-Baselines3's Monitor gives it) and the final `relative_error`; other infos are empty, because
+    no algorithm reads them and making them costs more than a step.
+
+    Args:
+        num_envs: how many.
+        bootstrap: True reports the horizon as a time limit, so that algorithms add the value of what would
+            follow (one forward pass for every episode). False reports it as the end of the task, which it is
+            for a policy that observes the time left.
+        stagger: whether episodes start staggered.
+        **settings: of `SatInertiaIDVectorEnv`, without `autoreset_mode`.
+    """
+
+    def __init__(self, num_envs: int, *, bootstrap: bool = False, stagger: bool = True, **settings: Any) -> None:
+        self.vector_env = SatInertiaIDVectorEnv(
+            num_envs, autoreset_mode=AutoresetMode.SAME_STEP, stagger=stagger, **settings
+        )
+        self.bootstrap = bootstrap
+        self._actions: np.ndarray | None = None
+        self._returns = np.zeros(num_envs)
+        self._lengths = np.zeros(num_envs, np.int64)
+        self._start = time.monotonic()
+        super().__init__(
+            num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space
+        )
+
+    def reset(self) -> np.ndarray:
+        """Start an episode in every environment, with the seeds and options set before, if any."""
+        seeds = self._seeds if any(s is not None for s in self._seeds) else None
+        options = self._options[0]
+        if any(o != options for o in self._options):
+            raise ValueError("reset options must be the same for all environments")
+        observations, _ = self.vector_env.reset(seed=seeds, options=options)
+        self._reset_seeds()
+        self._reset_options()
+        self._returns[:], self._lengths[:] = 0.0, 0
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = np.asarray(actions)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Take one decision in every environment; ended episodes are started anew."""
+        if self._actions is None:
+            raise RuntimeError("call step_async(actions) before step_wait()")
+        observations, rewards, terminated, truncated, vector_infos = self.vector_env.step(self._actions)
+        self._actions = None
+        self._returns += rewards
+        self._lengths += 1
+        dones = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(dones):
+            infos[i] = {
+                "terminal_observation": vector_infos["final_obs"][i],
+                "TimeLimit.truncated": bool(self.bootstrap and truncated[i]),
+                "relative_error": float(vector_infos["final_info"]["relative_error"][i]),
+                "episode": {
+                    "r": float(self._returns[i]),
+                    "l": int(self._lengths[i]),
+                    "t": round(time.monotonic() - self._start, 6),
+                },
+            }
+            self._returns[i], self._lengths[i] = 0.0, 0
+        return observations, rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        """End the threads."""
+        self.vector_env.close()
+
+    def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
+        """The attribute of the vector environment, once for each index."""
+        return [getattr(self.vector_env, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
+        """Not possible for single environments of a compiled vector."""
+        raise NotImplementedError("environments of a compiled vector have no attributes of their own; make a new vector")
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: int | Iterable[int] | None = None, **kwargs: Any
+    ) -> list[Any]:
+        """Not possible for single environments of a compiled vector."""
+        raise NotImplementedError("environments of a compiled vector have no methods of their own; call vector_env's")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
+        """Compiled environments carry no wrappers."""
+        return [False for _ in self._get_indices(indices)]
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything that a later `restore` needs to go on as if nothing had happened."""
+        return {**self.vector_env.state(), "returns": self._returns.copy(), "lengths": self._lengths.copy()}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go back to a `state` of an adapter with the same settings."""
+        self.vector_env.restore(state)
+        self._returns, self._lengths = state["returns"].copy(), state["lengths"].copy()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seeds for the next reset: seed + i for environment i."""
+        self._seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
+        return self._seeds
