@@ -1,0 +1,40 @@
+"""What several test modules fly."""
+
+from __future__ import annotations
+
+import hypothesis
+import numpy as np
+import pytest
+
+from satid_gym import SATELLITES, ReactionWheels, Satellite
+
+# derandomised: a failure here is a failure everywhere; no deadline: the first call of a kernel compiles it
+hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, database=None)
+hypothesis.settings.load_profile("suite")
+
+FULL_TENSOR = np.array([[6.5, 0.4, -0.3], [0.4, 6.0, 0.5], [-0.3, 0.5, 4.5]])
+
+
+@pytest.fixture(scope="session")
+def microsat() -> Satellite:
+    return SATELLITES["microsat"]
+
+
+@pytest.fixture(scope="session")
+def skewed() -> Satellite:
+    """Microsat's wheels on a body whose principal axes are not the wheels'."""
+    return SATELLITES["microsat"].replace(name="skewed", inertia=FULL_TENSOR)
+
+
+@pytest.fixture(scope="session")
+def pyramid() -> Satellite:
+    """Four wheels on the edges of a pyramid, each with limits and an inertia of its own, and a full tensor."""
+    tilt, azimuth = np.radians(35.26), np.radians([45.0, 135.0, 225.0, 315.0])
+    axes = np.array([np.cos(tilt) * np.cos(azimuth), np.cos(tilt) * np.sin(azimuth), np.full(4, np.sin(tilt))])
+    wheels = ReactionWheels(
+        axes=axes,
+        inertia=np.array([2e-3, 1.8e-3, 2.2e-3, 2e-3]),
+        max_torque=np.array([0.1, 0.09, 0.1, 0.11]),
+        max_speed=np.array([900.0, 850.0, 900.0, 950.0]),
+    )
+    return Satellite("pyramid", FULL_TENSOR, wheels)
