@@ -52,9 +52,15 @@ def next_word(stream):
 
 
 @inline
+def _fraction(word):
+    """An odd multiple of 2^-53: exact, and symmetric within (0, 1), of which it never meets an end."""
+    return np.float64((word >> np.uint64(11)) | np.uint64(1)) * 2.0**-53
+
+
+@inline
 def uniform(stream):
-    """Uniform on (0, 1), 53 bits, never 0."""
-    return (np.float64(next_word(stream) >> np.uint64(11)) + 0.5) * 2.0**-53
+    """Uniform on (0, 1), 52 bits, never 0 or 1."""
+    return _fraction(next_word(stream))
 
 
 @inline
@@ -63,7 +69,7 @@ def normal(stream):
     while True:
         word = next_word(stream)
         layer = np.int64(word & np.uint64(_LAYERS - 1))
-        u = 2.0 * ((np.float64(word >> np.uint64(11)) + 0.5) * 2.0**-53) - 1.0
+        u = 2.0 * _fraction(word) - 1.0
         if abs(u) < _RATIO[layer]:
             return u * _EDGE[layer]
         if layer == 0:
