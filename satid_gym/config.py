@@ -49,7 +49,9 @@ def check_number(name: str, value: object, *, low: float = 0.0, strict: bool = F
     number = float(value)
     beyond = number <= low if strict else number < low
     if not np.isfinite(number) or beyond or number > high:
-        bound = f"{'more than' if strict else 'at least'} {low:g}" + ("" if high == np.inf else f" and at most {high:g}")
+        bound = f"{'more than' if strict else 'at least'} {low:g}" + (
+            "" if high == np.inf else f" and at most {high:g}"
+        )
         raise ValueError(f"{name} must be finite and {bound}, got {value!r}")
     return number
 

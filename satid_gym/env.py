@@ -98,7 +98,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         inertia: InertiaLike = "random",
         scenario: ScenarioLike = "default",
         estimator: str | Mapping[str, Any] | EstimatorSettings | Estimator | None = None,
-        reward: None | str | Mapping[str, Any] | RewardSettings = None,
+        reward: str | Mapping[str, Any] | RewardSettings | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -118,7 +118,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._work = new_work(self.problem.wheels, self.problem.estimator)
         parameters = self._beliefs["prior_theta"].shape[1]
         self.observation_space, self.action_space = make_spaces(self.problem, parameters)
-        self._observation = np.zeros((1, *self.observation_space.shape), np.float32)
+        self._observation = np.zeros((1, self.observation_space.shape[0]), np.float32)
         self._chosen = np.ones(1, np.int8)
         self._tasks["over"] = 1
 
@@ -143,7 +143,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         super().reset(seed=seed)
         if first or seed is not None:
             self._plants["stream"][0] = seed_stream(self.np_random)
-        failed = self._run(episode.BEGIN, templates, np.zeros(self.action_space.shape, np.float32))
+        failed = self._run(episode.BEGIN, templates, np.zeros(self.problem.wheels, np.float32))
         if failed:
             self._tasks["over"] = 1
             raise ValueError(DRAW_FAILED)
@@ -240,13 +240,12 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             self._take_belief()
             gain += before - self._spread()
         report["information_gain"] = first - self._spread() if task["net"] else gain
-        kernels.conclude(
-            self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0]
-        )
+        kernels.conclude(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
         return bool(self._beliefs["broken"][0])
 
     def _take_belief(self) -> None:
         """Copy the foreign estimator's state into the core's belief."""
+        assert self._foreign is not None
         belief = self._beliefs[0]
         size = len(belief["mean"])
         belief["mean"] = self._foreign.mean[:size]

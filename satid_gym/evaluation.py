@@ -99,7 +99,7 @@ def fly(
     seeds: Sequence[int],
     scenario: ScenarioLike = "default",
     estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
-    reward: None | str | Mapping[str, Any] | RewardSettings = None,
+    reward: str | Mapping[str, Any] | RewardSettings | None = None,
     num_threads: int | None = None,
 ) -> Flight:
     """Fly one policy through the episodes of one cell, side by side.
@@ -110,9 +110,7 @@ def fly(
         seeds: one for each episode.
         num_threads: see `SatInertiaIDVectorEnv`.
     """
-    env = SatInertiaIDVectorEnv(
-        len(seeds), satellite, inertia, scenario, estimator, reward, num_threads=num_threads
-    )
+    env = SatInertiaIDVectorEnv(len(seeds), satellite, inertia, scenario, estimator, reward, num_threads=num_threads)
     world = env.problem.scenario
     (mission,) = missions(env.problem)
     policy.reset(mission, seeds)

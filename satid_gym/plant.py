@@ -11,7 +11,9 @@ from satid_gym.laws import INERTIA_MODES, InertiaLaw
 from satid_gym.satellite import Satellite, inertia_tensor
 
 
-def new_plant(satellite: Satellite, law: InertiaLaw | None = None, disturbance: Disturbance | None = None) -> np.ndarray:
+def new_plant(
+    satellite: Satellite, law: InertiaLaw | None = None, disturbance: Disturbance | None = None
+) -> np.ndarray:
     """One row of truth at rest at time 0: the satellite as nominal, without noise.
 
     Raises:

@@ -56,7 +56,7 @@ def problem(
     inertia: InertiaLike = "random",
     scenario: ScenarioLike = "default",
     estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
-    reward: None | str | Mapping[str, Any] | RewardSettings = None,
+    reward: str | Mapping[str, Any] | RewardSettings | None = None,
     max_episode_steps: int | None = None,
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.

@@ -47,7 +47,7 @@ class RewardSettings(Config):
             check_number(name, getattr(self, name))
 
 
-def reward_settings(value: None | str | Mapping[str, Any] | RewardSettings) -> RewardSettings:
+def reward_settings(value: str | Mapping[str, Any] | RewardSettings | None) -> RewardSettings:
     """Settings from None (defaults), the name of a criterion, a mapping, or themselves."""
     if value is None:
         return RewardSettings()

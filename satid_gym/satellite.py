@@ -166,9 +166,7 @@ def _paper(
     return Satellite(
         name,
         np.array(inertia),
-        ReactionWheels(
-            inertia=np.array(wheel_inertia), max_torque=np.array(max_torque), max_speed=np.array(max_speed)
-        ),
+        ReactionWheels(inertia=np.array(wheel_inertia), max_torque=np.array(max_torque), max_speed=np.array(max_speed)),
         mass=mass,
         size=np.array(size),
         rate_limit=rate_limit,

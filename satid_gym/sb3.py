@@ -42,9 +42,7 @@ class SatInertiaIDVecEnv(VecEnv):
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, np.int64)
         self._start = time.monotonic()
-        super().__init__(
-            num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space
-        )
+        super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
 
     def reset(self) -> np.ndarray:
         """Start an episode in every environment, with the seeds and options set before, if any."""
@@ -97,13 +95,15 @@ class SatInertiaIDVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
         """Not possible for single environments of a compiled vector."""
-        raise NotImplementedError("environments of a compiled vector have no attributes of their own; make a new vector")
+        raise NotImplementedError(
+            "environments of a compiled vector have no attributes of their own; make a new vector"
+        )
 
     def env_method(
         self, method_name: str, *args: Any, indices: int | Iterable[int] | None = None, **kwargs: Any
     ) -> list[Any]:
         """Not possible for single environments of a compiled vector."""
-        raise NotImplementedError("environments of a compiled vector have no methods of their own; call vector_env's")
+        raise NotImplementedError("compiled environments have no methods of their own; call vector_env's")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
         """Compiled environments carry no wrappers."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import gymnasium
@@ -65,7 +66,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         inertia: InertiaLike = "random",
         scenario: ScenarioLike = "default",
         estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
-        reward: None | str | Mapping[str, Any] | RewardSettings = None,
+        reward: str | Mapping[str, Any] | RewardSettings | None = None,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
@@ -95,9 +96,10 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_observation_space, self.single_action_space = make_spaces(self.problem, parameters)
         self.observation_space = batch_space(self.single_observation_space, rows)
         self.action_space = batch_space(self.single_action_space, rows)
-        self._observations = np.zeros(self.observation_space.shape, np.float32)
+        size, n = self.single_observation_space.shape[0], self.problem.wheels
+        self._observations = np.zeros((rows, size), np.float32)
         self._final_observations = np.zeros_like(self._observations)
-        self._actions = np.zeros(self.action_space.shape, np.float32)
+        self._actions = np.zeros((rows, n), np.float32)
         self._generators: list[np.random.Generator] = []
         self._seeds: list[int | None] = [None] * rows
         self._tasks["over"] = 1
@@ -107,7 +109,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         most = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         count = max(1, min(num_threads or most, self.num_envs // _LEAST_ROWS))
         edges = np.linspace(0, self.num_envs, count + 1).astype(int).tolist()
-        self._shares = list(zip(edges[:-1], edges[1:], strict=True))
+        self._shares = list(pairwise(edges))
         self._work = [new_work(self.problem.wheels, self.problem.estimator) for _ in self._shares]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
@@ -116,12 +118,12 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return {**self.__dict__, "_pool": None}
 
     @property
-    def np_random_seed(self) -> tuple[int | None, ...]:
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
         """Seeds of the environments; None where one was drawn from the operating system."""
         return tuple(self._seeds)
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Generators that the environments' streams were started from."""
         return tuple(self._generators)
 
@@ -187,9 +189,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 self._generators[i] = seeding.np_random(seeds[i])[0]
                 self._plants["stream"][i] = seed_stream(self._generators[i])
 
-    def step(
-        self, actions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Take one decision in every environment.
 
         Args:
@@ -207,7 +207,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if actions.shape != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")
         if not np.isfinite(actions).all():
-            raise ValueError(f"actions must be finite; rows {np.flatnonzero(~np.isfinite(actions).all(1)).tolist()} are not")
+            wrong = np.flatnonzero(~np.isfinite(actions).all(axis=1)).tolist()
+            raise ValueError(f"actions must be finite; rows {wrong} are not")
         if not self._generators:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         same = self.autoreset_mode is AutoresetMode.SAME_STEP
@@ -243,7 +244,10 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _run(self, mode: int, templates: Templates, chosen: np.ndarray) -> int:
         """One call of the core on all rows; the number of rows that failed."""
         pool = self._threads()
-        futures = [pool.submit(self._run_share, i, mode, templates, chosen) for i in range(1, len(self._shares))] if pool else []
+        if pool is None:
+            return self._run_share(0, mode, templates, chosen)
+        others = range(1, len(self._shares))
+        futures = [pool.submit(self._run_share, i, mode, templates, chosen) for i in others]
         failed = self._run_share(0, mode, templates, chosen)
         return failed + sum(future.result() for future in futures)
 
@@ -287,7 +291,9 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         for name in _STATE:
             own = getattr(self, f"_{name}")
             if name not in state or state[name].dtype != own.dtype or state[name].shape != own.shape:
-                raise ValueError(f"state has no {name} of dtype {own.dtype} and shape {own.shape}: it is of other settings")
+                raise ValueError(
+                    f"state has no {name} of shape {own.shape} and the right fields: it is of other settings"
+                )
         if not self._generators:
             self._seed(None, np.ones(self.num_envs, bool))
         for name in _STATE:

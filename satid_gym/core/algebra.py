@@ -87,11 +87,7 @@ def add_diagonal(k, s):
 
 @inline
 def determinant(s):
-    return (
-        s[0] * (s[1] * s[2] - s[5] * s[5])
-        - s[3] * (s[3] * s[2] - s[5] * s[4])
-        + s[4] * (s[3] * s[5] - s[1] * s[4])
-    )
+    return s[0] * (s[1] * s[2] - s[5] * s[5]) - s[3] * (s[3] * s[2] - s[5] * s[4]) + s[4] * (s[3] * s[5] - s[1] * s[4])
 
 
 @inline

@@ -217,9 +217,7 @@ def _build_step_many(fingerprint):
                         final_observations[i, k] = observations[i, k]
                     fresh, ended = True, 1
             if fresh:
-                if not _begin_row(
-                    i, draws, templates, plants, beliefs, tasks, work[0], reports, observations
-                ):
+                if not _begin_row(i, draws, templates, plants, beliefs, tasks, work[0], reports, observations):
                     failed += 1
                 if ended != 0:
                     reports[i].terminated = final_reports[i].terminated

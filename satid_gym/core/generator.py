@@ -73,9 +73,7 @@ def _draw_body(draw, plant):
         inertia = _draw_inertia(draw, nominal, plant.stream)
         if draw.change_given == 0:
             change = axpy_symmetric(size, inertia, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        ends = is_physical(axpy_symmetric(low, change, inertia)) and is_physical(
-            axpy_symmetric(1.0, change, inertia)
-        )
+        ends = is_physical(axpy_symmetric(low, change, inertia)) and is_physical(axpy_symmetric(1.0, change, inertia))
         if plant.law == STATIC:
             ends = True
         if ends and is_physical(inertia):

@@ -88,7 +88,8 @@ def update(belief, work, rows, support):
 
     Each scalar has unit noise: work.innovation[r] = work.rows[r] . (x - mean) + N(0, 1); only the first
     `support` entries of a row are used. Joseph's form (1 - K h) P (1 - K h)^T + K K^T, expanded so that P
-    stays symmetric; its second half, which mends rounding, is left out where little cancels. Returns the normalised innovation squared, chi-square with `rows` degrees of freedom.
+    stays symmetric; its second half, which mends rounding, is left out where little cancels. Returns the
+    normalised innovation squared, chi-square with `rows` degrees of freedom.
     """
     covariance, ph, gain, delta = belief.covariance, work.ph, work.gain, work.delta
     size = belief.mean.shape[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,8 +27,7 @@ class FilterRun:
         mean: (N, size).
         covariance: (N, size, size).
         nis: (N,) normalised innovation squared per degree of freedom; 0 at the first reading.
-        inertia: (N, p) the inertia parameters within the mean, kg m^2.
-        inertia_covariance: (N, p, p).
+        parameters: p, how many of the state are inertia parameters.
         guarded: updates shortened because the inertia would not have stayed positive definite.
     """
 
@@ -40,10 +39,12 @@ class FilterRun:
 
     @property
     def inertia(self) -> np.ndarray:
+        """(N, p) kg m^2."""
         return self.mean[:, 3 : 3 + self.parameters]
 
     @property
     def inertia_covariance(self) -> np.ndarray:
+        """(N, p, p)."""
         block = slice(3, 3 + self.parameters)
         return self.covariance[:, block, block]
 
@@ -55,7 +56,8 @@ class CompiledEKF:
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self.settings = settings
-        self._rows = np.zeros(0)
+        self._rows: Any = np.zeros(0)
+        self._work: Any = None
 
     @property
     def parameters(self) -> Parameters:

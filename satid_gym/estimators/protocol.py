@@ -28,10 +28,12 @@ class Estimator(Protocol):
     parameters: Parameters
 
     @property
-    def mean(self) -> np.ndarray: ...
+    def mean(self) -> np.ndarray:
+        """(size,) state."""
 
     @property
-    def covariance(self) -> np.ndarray: ...
+    def covariance(self) -> np.ndarray:
+        """(size, size)."""
 
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading: gyro (3,), wheel_speed (n,), rad/s."""

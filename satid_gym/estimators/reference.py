@@ -6,7 +6,7 @@ your own. The models are transcribed here from their equations, apart from the c
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg
@@ -130,7 +130,7 @@ class _Reference:
 
     def __init__(self, settings: MomentumEKFSettings | RateEKFSettings) -> None:
         self.settings = settings
-        self.filter: ExtendedKalmanFilter | UnscentedKalmanFilter | None = None
+        self.filter: Any = None  # filterpy's, which carries no types
 
     @property
     def parameters(self) -> Parameters:
@@ -156,6 +156,7 @@ class FilterpyMomentumEKF(_Reference):
     """
 
     coordinates: Literal["momentum"] = "momentum"
+    settings: MomentumEKFSettings
 
     def __init__(self, **settings: object) -> None:
         super().__init__(MomentumEKFSettings.from_dict(settings))
@@ -237,6 +238,7 @@ class FilterpyRateEKF(_Reference):
     """
 
     coordinates: Literal["rate"] = "rate"
+    settings: RateEKFSettings
 
     def __init__(self, **settings: object) -> None:
         super().__init__(RateEKFSettings.from_dict(settings))
@@ -250,8 +252,9 @@ class FilterpyRateEKF(_Reference):
         kf = self.filter = ExtendedKalmanFilter(dim_x=3 + self.p + self.n, dim_z=3 + self.n)
         kf.x = np.concatenate([gyro, theta, wheel_speed])
         counts = (3, self.p, self.n)
-        kf.P = np.diag(np.repeat([s.prior_rate_std, s.prior_inertia_std, s.prior_wheel_speed_std], counts) ** 2)
-        kf.R = np.diag(np.repeat([s.gyro_std, s.wheel_speed_std], (3, self.n)) ** 2)
+        prior_std = np.repeat([s.prior_rate_std, s.prior_inertia_std, s.prior_wheel_speed_std], counts)
+        kf.P = np.diag(np.square(prior_std))
+        kf.R = np.diag(np.square(np.repeat([s.gyro_std, s.wheel_speed_std], (3, self.n))))
         self.walk = np.repeat([s.rate_walk, s.inertia_walk, s.wheel_speed_walk], counts)
         self._speed = np.array(wheel_speed)
 

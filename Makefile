@@ -1,0 +1,41 @@
+# Everything a user or CI runs. `make compare` and `make test` set up by themselves.
+PYTHON ?= python3
+VENV := .venv
+RUN := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+
+.PHONY: setup compare test lint format train benchmark clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "satid-gym needs Python 3.11 or later; set PYTHON=...")'
+	test -x $(RUN) || $(PYTHON) -m venv $(VENV)
+	$(RUN) -m pip install --quiet --upgrade pip
+	$(RUN) -m pip install --quiet --constraint constraints.txt --editable ".[agents,dev]"
+	$(RUN) -m satid_gym.warmup
+	touch $(STAMP)
+
+compare: setup  ## the main job: every policy on every satellite and inertia mode
+	$(RUN) -m agents.compare
+
+test: setup
+	$(RUN) -m pytest --numprocesses auto
+
+lint: setup
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m mypy
+
+format: setup
+	$(RUN) -m ruff check --fix .
+	$(RUN) -m ruff format .
+
+train: setup  ## the shipped generalist, anew
+	$(RUN) -m agents.train --settings generalist
+
+benchmark: setup
+	$(RUN) -m satid_gym.benchmark
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
