@@ -1,0 +1,77 @@
+"""All baselines by name, with the settings that `python -m baselines.tune` found for them."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from baselines.rate_square import RateSquarePolicy
+from baselines.scripted import ScriptedPolicy, staggered_square
+from baselines.simple import RandomPolicy, ZeroPolicy
+from satid_gym.config import unknown_name
+from satid_gym.policy import Policy
+from satid_gym.profiles import PROFILES
+
+TUNED = Path(__file__).with_name("tuned.json")
+
+
+def _staggered_square(amplitude: float, period: float) -> ScriptedPolicy:
+    return ScriptedPolicy("staggered_square", functools.partial(staggered_square, period=period), amplitude)
+
+
+BASELINES: dict[str, Callable[..., Policy]] = {
+    **{name: functools.partial(ScriptedPolicy, name, profile) for name, profile in PROFILES.items()},
+    "staggered_square": _staggered_square,
+    "rate_square": RateSquarePolicy,
+    "random": RandomPolicy,
+    "zero": ZeroPolicy,
+}
+UNTUNED = ("random", "zero")  # they have no settings
+
+
+def build(name: str, settings: dict[str, float]) -> Policy:
+    """A baseline with settings of one's own.
+
+    Raises:
+        ValueError: the name is unknown or a setting is not valid.
+        TypeError: a setting is missing or unknown.
+    """
+    if name not in BASELINES:
+        raise unknown_name("baseline", name, BASELINES)
+    return BASELINES[name](**settings)
+
+
+def make_baseline(name: str, satellite: str, scenario: str = "default") -> Policy:
+    """A baseline with the settings that were tuned for a satellite in a scenario.
+
+    Raises:
+        ValueError: the name is unknown, or it was not tuned for that satellite and scenario.
+    """
+    return build(name, {} if name in UNTUNED else tuned_entry(name, satellite, scenario)["settings"])
+
+
+def tuned_entry(name: str, satellite: str, scenario: str = "default") -> dict[str, Any]:
+    """Settings of a baseline and the score they reached in tuning.
+
+    Raises:
+        ValueError: the name is unknown, or it was not tuned for that satellite and scenario.
+    """
+    if name not in BASELINES:
+        raise unknown_name("baseline", name, BASELINES)
+    entries = _entries()
+    if (name, satellite, scenario) not in entries:
+        tuned = sorted({key[1:] for key in entries if key[0] == name})
+        raise ValueError(
+            f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}, only for {tuned}; "
+            "baselines.tune.tune finds settings for any satellite, baselines.registry.build takes them"
+        )
+    return entries[name, satellite, scenario]
+
+
+@functools.cache
+def _entries() -> dict[tuple[str, str, str], dict[str, Any]]:
+    entries = json.loads(TUNED.read_text(encoding="utf-8"))["entries"]
+    return {(entry["policy"], entry["satellite"], entry["scenario"]): entry for entry in entries}

@@ -1,0 +1,68 @@
+"""Open-loop excitation: a signal written down before the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from satid_gym.config import check_number
+from satid_gym.policy import Kind, Mission
+from satid_gym.profiles import wheel_torque
+
+Signal = Callable[..., np.ndarray]
+
+
+def staggered_square(time: np.ndarray, *, period: float, horizon: float | None = None) -> np.ndarray:
+    """Square waves a third of a period apart whose body rates swing evenly about zero.
+
+    An axis begins with a quarter of its wave, so that its rate, the integral, is a triangle centred on zero.
+    It waits with no torque until it is due: y for a third of a period, z for a sixth with its sign reversed,
+    which is the wave that is due after two thirds.
+
+    Args:
+        time: (N,) s.
+        period: s.
+        horizon: unused; the wave lasts as long as asked.
+
+    Returns:
+        (N, 3) torque on the body axes, in multiples of the amplitude.
+    """
+    since = time[:, None] - period * np.array([0.0, 1.0 / 3.0, 1.0 / 6.0])
+    rising = np.mod(since / period + 0.25, 1.0) < 0.5
+    return np.where(since < 0.0, 0.0, np.where(rising, 1.0, -1.0)) * np.array([1.0, 1.0, -1.0])
+
+
+class ScriptedPolicy:
+    """Plays a signal, whatever is observed.
+
+    Args:
+        name: what tables call it.
+        signal: (time (N,), horizon=T) -> (N, 3) unit torque on the body axes.
+        amplitude: N m on the body for a unit, as a fraction of the weakest wheel's torque limit. Wheels that
+            would need more than their limit give their limit.
+
+    Raises:
+        ValueError: the amplitude is not positive.
+    """
+
+    kind: Kind = "scripted"
+
+    def __init__(self, name: str, signal: Signal, amplitude: float) -> None:
+        self.name = name
+        self.signal = signal
+        self.amplitude = check_number("amplitude", amplitude, strict=True)
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        """Write the script: the torque at the beginning of each decision is held through it."""
+        scenario, wheels = mission.scenario, mission.satellite.wheels
+        time = scenario.decision_period * np.arange(scenario.decisions)
+        body = self.amplitude * wheels.max_torque.min() * self.signal(time, horizon=scenario.horizon)
+        self._script = np.clip(wheel_torque(body, wheels) / wheels.max_torque, -1.0, 1.0)
+        self._decision = 0
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, n) of the present decision, the same for all episodes."""
+        action = self._script[self._decision]
+        self._decision += 1
+        return np.broadcast_to(action, (len(observation), len(action)))

@@ -1,0 +1,45 @@
+"""References that any excitation must beat: noise, and nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from satid_gym.policy import Kind, Mission
+
+_STREAM = 1  # keeps the policy's draws apart from the environment's, which start from the same seed
+
+
+class RandomPolicy:
+    """Each wheel's torque uniform within its limits, drawn anew each decision from the episodes' seeds."""
+
+    name = "random"
+    kind: Kind = "reference"
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        """Draw the actions of every episode from its own seed."""
+        shape = (mission.scenario.decisions, mission.satellite.wheels.count)
+        draws = [np.random.default_rng([seed, _STREAM]).uniform(-1.0, 1.0, shape) for seed in seeds]
+        self._actions = np.stack(draws, axis=1)
+        self._decision = 0
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, n)."""
+        self._decision += 1
+        return self._actions[self._decision - 1]
+
+
+class ZeroPolicy:
+    """No torque: what the motors' noise and the disturbance alone reveal."""
+
+    name = "zero"
+    kind: Kind = "reference"
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        """Note the number of wheels."""
+        self._wheels = mission.satellite.wheels.count
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, n)."""
+        return np.zeros((len(observation), self._wheels))
