@@ -88,7 +88,94 @@ BROKEN = "the filter's covariance is no longer positive definite; check the esti
 
 
 class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
-    """TODO"""
+    """A satellite with reaction wheels finds out its own, time-varying inertia by the torques it chooses.
+
+    ## Description
+    The truth is a rigid body with n >= 3 reaction wheels under torque and speed limits, external torque and
+    noise; its inertia is static, steps, drifts or oscillates. An extended Kalman filter estimates the inertia
+    from gyro and wheel speeds. The agent chooses wheel torque so that the filter learns as much as possible
+    while the body rates stay within the operating envelope. One decision a second, sensors and filter at
+    10 Hz, 300 s.
+
+    ## Action space
+    `Box(-1, 1, (n,), float32)`: motor torque on each wheel as a fraction of its limit, held for a decision.
+    The body feels the opposite. Values beyond are cut; NaN or another shape raise ValueError.
+
+    ## Observation space
+    `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
+    p = 3 principal moments. `env.unwrapped.layout` gives the slices by name.
+
+    | name | size | meaning |
+    |---|---|---|
+    | rate | 3 | gyro reading / rate limit |
+    | wheel_speed | n | tachometer reading / wheel speed limit |
+    | inertia | p | (estimate - prior mean) / scale; scale: prior moments, for products their geometric means |
+    | uncertainty | p | log10(filter's std / scale) + 2 |
+    | disturbance | 3 | estimated disturbance torque / its prior std |
+    | correlation | 3 p | filter's correlation of each momentum (rate) component with each parameter |
+    | authority | 3 | rate limits gained by a decision of full torque, by prior inertia |
+    | swing | 3 | share of the wheels' momentum that turning at the rate limit takes, by prior inertia |
+    | drift | 3 | rate limits that the body is about to gain in a decision without command, by the belief |
+    | command | n | previous action |
+    | time_left | 1 | fraction of the horizon |
+
+    ## Reward
+    gain_scale * information - envelope_weight * excess - effort_weight * effort
+
+    | term | default weight | meaning |
+    |---|---|---|
+    | information | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
+covariance of the inertia parameters, in nats; never negative |
+    | excess | 10 | sum over axes of the largest measured rate of the decision over the rate limit, less 0.96, \
+where positive |
+    | effort | 0 | mean square of the action, 0 to 1 |
+
+    `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` the change over the
+    decision instead of the sum of gains; see `RewardSettings`. No term sees the truth.
+
+    ## Starting state
+    True moments lognormal (15 %) about nominal, filter's prior at nominal (30 %); wheels uniform within 20 %
+    of their limit; body nearly at rest; random attitude; disturbance constant and orbit-periodic, unknown.
+    Inertia law drawn from the four modes with random size and timing.
+
+    ## Episode end
+    Terminated when a true body rate exceeds three times the rate limit. Truncated after 300 decisions, by the
+    environment itself.
+
+    ## Information
+    Truth appears here and only here, for evaluation.
+
+    | key | meaning |
+    |---|---|
+    | time | s |
+    | inertia_true, inertia_estimate | (3, 3) kg m^2 |
+    | relative_error | Frobenius norm of their difference over that of the truth |
+    | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when honest |
+    | nis | normalised innovation squared of the last update, per degree of freedom |
+    | information_gain | nats of this decision |
+    | cost | share of the decision's samples with a true rate outside the limit (as in Safety-Gymnasium) |
+    | effort | mean square of the action |
+    | saturated | (n,) whether a wheel was at its speed limit |
+    | torque_applied | (n,) mean motor torque, N m |
+    | guarded | filter updates shortened so far to keep the estimate positive definite |
+
+    ## Arguments
+    Each takes a name, a mapping of plain values, or the dataclass behind it.
+
+    | argument | default | values |
+    |---|---|---|
+    | satellite | "microsat" | "cubesat", "microsat", "smallsat", "random", a `Satellite`, or a list to draw from |
+    | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
+    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", or a `Scenario` |
+    | estimator | "momentum" | "momentum", "rate", their settings, or any object that follows `Estimator` |
+    | reward | defaults | `RewardSettings`, or the name of a criterion |
+    | max_episode_steps | 300 | horizon in decisions |
+
+    `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
+
+    ## Version history
+    - v0: first version.
+    """
 
     metadata = {"render_modes": []}
 
@@ -121,6 +208,11 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._observation = np.zeros((1, self.observation_space.shape[0]), np.float32)
         self._chosen = np.ones(1, np.int8)
         self._tasks["over"] = 1
+
+    @property
+    def layout(self) -> dict[str, slice]:
+        """Places of the observation's parts by name."""
+        return layout(self.problem.wheels, self._beliefs["prior_theta"].shape[1])
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

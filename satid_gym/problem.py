@@ -185,6 +185,8 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit
     full = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
     task["authority"] = full * scenario.decision_period / np.diag(prior) / satellite.rate_limit
+    stored = np.abs(satellite.wheels.axes) @ (satellite.wheels.inertia * satellite.wheels.max_speed)
+    task["swing"] = np.diag(prior) * satellite.rate_limit / stored
     task["criterion"], task["net"] = CRITERIA.index(reward.criterion), reward.net
     for name in ("gain_scale", "envelope_margin", "envelope_weight", "effort_weight"):
         task[name] = getattr(reward, name)

@@ -23,6 +23,7 @@ def layout(n: int, p: int) -> dict[str, slice]:
         "disturbance": 3,
         "correlation": 3 * p,
         "authority": 3,
+        "swing": 3,
         "drift": 3,
         "command": n,
         "time_left": 1,
@@ -69,6 +70,8 @@ def observe(belief, task, gyro, tachometer, out):
             i = _write(out, i, covariance[r, 3 + k] / scale)
     for k in range(3):
         i = _write(out, i, task.authority[k])
+    for k in range(3):
+        i = _write(out, i, task.swing[k])
     for k in range(3):
         i = _write(out, i, drift[k] * decision_period / task.rate_limit)
     for k in range(n):

@@ -120,6 +120,7 @@ def task_dtype(n: int) -> np.dtype:
             ("rate_limit", _F),
             ("termination_rate", _F),
             ("authority", _F, 3),  # rate limits gained a decision at full torque, by prior inertia
+            ("swing", _F, 3),  # share of the wheels' momentum that one rate limit takes, by prior inertia
             ("criterion", _I),
             ("net", _I),
             ("gain_scale", _F),
