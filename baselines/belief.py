@@ -1,14 +1,66 @@
-"""What the observation says, back in physical units."""
+"""What the observation says, back in physical units, for episodes of one satellite or of several."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
 
 from satid_gym.estimators.settings import PRODUCTS
 from satid_gym.policy import Mission
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Craft:
+    """Constants of the satellites that R episodes fly, or of the one that all of them fly (R = 1).
+
+    Attributes:
+        rate_limit, disturbance_std, gyro_noise_std: (R, 1) of the satellite.
+        wheel_inertia, max_torque, max_spin: (R, n) of the wheels; max_spin = j times the speed limit, N m s.
+        impulse_std: (R, n) std of what motor torque noise does to a wheel in one decision, N m s.
+        axes: (R, 3, n) wheel axes.
+        mixer: (R, n, 3) pseudo-inverse of the axes.
+        carried: (R, 3, 3) A j A^T, kg m^2.
+        prior: (R, 3, 3) mean of the filter's prior, kg m^2.
+    """
+
+    rate_limit: np.ndarray
+    disturbance_std: np.ndarray
+    gyro_noise_std: np.ndarray
+    wheel_inertia: np.ndarray
+    max_torque: np.ndarray
+    max_spin: np.ndarray
+    impulse_std: np.ndarray
+    axes: np.ndarray
+    mixer: np.ndarray
+    carried: np.ndarray
+    prior: np.ndarray
+
+    @classmethod
+    def of(cls, missions: Sequence[Mission]) -> Self:
+        """One row a mission."""
+        satellites = [m.satellite for m in missions]
+        wheels = [s.wheels for s in satellites]
+        impulse = [m.scenario.torque_noise * m.scenario.decision_period for m in missions]
+        return cls(
+            rate_limit=np.array([[s.rate_limit] for s in satellites]),
+            disturbance_std=np.array([[s.disturbance_std] for s in satellites]),
+            gyro_noise_std=np.array([[s.gyro_noise_std] for s in satellites]),
+            wheel_inertia=np.array([w.inertia for w in wheels]),
+            max_torque=np.array([w.max_torque for w in wheels]),
+            max_spin=np.array([w.inertia * w.max_speed for w in wheels]),
+            impulse_std=np.array([k * w.max_torque for k, w in zip(impulse, wheels, strict=True)]),
+            axes=np.array([w.axes for w in wheels]),
+            mixer=np.array([np.linalg.pinv(w.axes) for w in wheels]),
+            carried=np.array([w.carried_inertia for w in wheels]),
+            prior=np.array([m.prior_inertia for m in missions]),
+        )
+
+    def take(self, rows: np.ndarray) -> Self:
+        """The constants of the missions `rows` (N,)."""
+        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,30 +84,33 @@ class Belief:
     disturbance: np.ndarray
 
     @classmethod
-    def read(cls, observation: np.ndarray, mission: Mission) -> Self:
+    def read(cls, observation: np.ndarray, layout: dict[str, slice], craft: Craft) -> Self:
         """From observations (N, size) and what was known before the flight."""
-        satellite, wheels = mission.satellite, mission.satellite.wheels
-        part = {name: observation[:, place].astype(float) for name, place in mission.layout.items()}
-        omega = part["rate"] * satellite.rate_limit
-        wheel_momentum = part["wheel_speed"] * wheels.max_speed * wheels.inertia
-        inertia = _inertia(part["inertia"], mission.prior_inertia)
+        part = {name: observation[:, place].astype(float) for name, place in layout.items()}
+        omega = part["rate"] * craft.rate_limit
+        wheel_momentum = part["wheel_speed"] * craft.max_spin
+        inertia = _inertia(part["inertia"], craft.prior)
         return cls(
             omega=omega,
             wheel_momentum=wheel_momentum,
             inertia=inertia,
             inertia_std=10.0 ** (part["uncertainty"][:, :3] - 2.0),
-            momentum=np.einsum("nij,nj->ni", inertia, omega) + wheel_momentum @ wheels.axes.T,
-            disturbance=part["disturbance"] * satellite.disturbance_std,
+            momentum=times(inertia, omega) + times(craft.axes, wheel_momentum),
+            disturbance=part["disturbance"] * craft.disturbance_std,
         )
+
+
+def times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Row by row, matrix times vector."""
+    return (matrices @ vectors[..., None])[..., 0]
 
 
 def _inertia(change: np.ndarray, prior: np.ndarray) -> np.ndarray:
     """Tensors (N, 3, 3) from changes (N, p) of the parameters, relative to the scales of the observation."""
-    moments = np.diag(prior)
     inertia = np.zeros((len(change), 3, 3))
     for i in range(3):
-        inertia[:, i, i] = moments[i] * (1.0 + change[:, i])
+        inertia[:, i, i] = prior[:, i, i] * (1.0 + change[:, i])
     for k, (i, j) in enumerate(PRODUCTS[: change.shape[1] - 3]):
-        product = prior[i, j] + np.sqrt(moments[i] * moments[j]) * change[:, 3 + k]
+        product = prior[:, i, j] + np.sqrt(prior[:, i, i] * prior[:, j, j]) * change[:, 3 + k]
         inertia[:, i, j] = inertia[:, j, i] = product
     return inertia

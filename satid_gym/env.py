@@ -37,6 +37,7 @@ INFO_KEYS = (
     "nees",
     "nis",
     "information_gain",
+    "information_held",
     "cost",
     "effort",
     "saturated",
@@ -120,12 +121,13 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | time_left | 1 | fraction of the horizon |
 
     ## Reward
-    gain_scale * information - envelope_weight * excess - effort_weight * effort
+    gain_scale * gained + held_scale * held - envelope_weight * excess - effort_weight * effort
 
     | term | default weight | meaning |
     |---|---|---|
-    | information | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
+    | gained | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
 covariance of the inertia parameters, in nats; never negative |
+    | held | 0 | nats by which the inertia is better known at the decision's end than before launch |
     | excess | 10 | sum over axes of the largest measured rate of the decision over the rate limit, less 0.96, \
 where positive |
     | effort | 0 | mean square of the action, 0 to 1 |
@@ -152,7 +154,7 @@ where positive |
     | relative_error | Frobenius norm of their difference over that of the truth |
     | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when honest |
     | nis | normalised innovation squared of the last update, per degree of freedom |
-    | information_gain | nats of this decision |
+    | information_gain, information_held | nats of this decision, and since before launch |
     | cost | share of the decision's samples with a true rate outside the limit (as in Safety-Gymnasium) |
     | effort | mean square of the action |
     | saturated | (n,) whether a wheel was at its speed limit |

@@ -37,6 +37,19 @@ def consistency(nees: np.ndarray, time: np.ndarray, step_time: float | None = No
     return np.nanmean(nees[keep], axis=0)
 
 
+def iqm(values: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Interquartile mean: the mean of the middle half. Source: Agarwal et al., NeurIPS 2021."""
+    return scipy.stats.trim_mean(values, 0.25, axis=axis)
+
+
+def improvements(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """1 where an episode's error is lower than the other policy's on the same seed, 1/2 where equal, else 0.
+
+    Its mean is the probability of improvement.
+    """
+    return np.where(values < others, 1.0, np.where(values == others, 0.5, 0.0))
+
+
 def bootstrap(values: np.ndarray, statistic=np.mean, *, seed: int = 0, resamples: int = 2000) -> tuple[float, float]:
     """95 % interval (low, high) of a statistic of independent episodes (N,), by the BCa bootstrap.
 

@@ -14,14 +14,15 @@ CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RewardSettings(Config):
-    """reward = gain_scale information - envelope_weight excess - effort_weight effort, for each decision.
+    """reward = gain_scale gained + held_scale held - envelope_weight excess - effort_weight effort, each decision.
 
     Attributes:
         criterion: what counts as information on theta, in nats: "logdet" (D-optimality), "trace" (A),
             "maxeig" (E).
         net: False sums what each filter update gains; True takes the change over the decision, which the
             filter's own forgetting reduces.
-        gain_scale: reward for a nat.
+        gain_scale: reward for a nat gained.
+        held_scale: reward for every nat by which theta is better known at the decision's end than before launch.
         envelope_weight: penalty for a unit of excess: the largest measured rate of the decision over the rate
             limit, less the margin, where positive, summed over axes.
         envelope_margin: fraction of the rate limit at which the penalty begins.
@@ -34,6 +35,7 @@ class RewardSettings(Config):
     criterion: Criterion = "logdet"
     net: bool = False
     gain_scale: float = 0.1
+    held_scale: float = 0.0
     envelope_weight: float = 10.0
     envelope_margin: float = 0.96
     effort_weight: float = 0.0
@@ -43,7 +45,7 @@ class RewardSettings(Config):
             raise unknown_name("information criterion", self.criterion, CRITERIA)
         if not isinstance(self.net, bool):
             raise ValueError(f"net must be True or False, got {self.net!r}")
-        for name in ("gain_scale", "envelope_weight", "envelope_margin", "effort_weight"):
+        for name in ("gain_scale", "held_scale", "envelope_weight", "envelope_margin", "effort_weight"):
             check_number(name, getattr(self, name))
 
 

@@ -119,6 +119,7 @@ def conclude(plant, belief, task, work, report, observation):
         mean, limit = (spin_momentum(plant, k) - report.spin_start[k]) / duration, plant.torque_max[k]
         report.torque_applied[k] = min(max(mean, -limit), limit)  # what exceeds it is rounding
     report.cost /= task.samples
+    report.information_held = -spread(belief, work, task.criterion)
     report.reward = reward(task, report)
     fastest = max(abs(plant.rate[0]), abs(plant.rate[1]), abs(plant.rate[2]))
     report.terminated = 1 if fastest > task.termination_rate else 0
@@ -159,7 +160,7 @@ def begin(draw, plant, belief, task, work, report, observation):
         report.torque_applied[k] = 0.0
     report.reward = 0.0
     report.terminated = report.truncated = 0
-    report.nis = report.information_gain = report.cost = report.effort = 0.0
+    report.nis = report.information_gain = report.information_held = report.cost = report.effort = 0.0
     assess(plant, belief, work, report)
     observe(belief, task, plant.gyro, plant.tachometer, observation)
     return True

@@ -124,6 +124,7 @@ def task_dtype(n: int) -> np.dtype:
             ("criterion", _I),
             ("net", _I),
             ("gain_scale", _F),
+            ("held_scale", _F),
             ("envelope_margin", _F),
             ("envelope_weight", _F),
             ("effort_weight", _F),
@@ -148,6 +149,7 @@ def report_dtype(n: int) -> np.dtype:
             ("nees", _F),
             ("nis", _F),
             ("information_gain", _F),
+            ("information_held", _F),
             ("cost", _F),
             ("effort", _F),
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision

@@ -17,13 +17,15 @@ from satid_gym.core.records import LOGDET, TRACE
 
 @inline
 def spread(belief, work, criterion):
-    """Uncertainty of theta in nats, up to a constant; NaN and belief.broken = 1 where P is not positive."""
+    """Uncertainty of theta in nats, 0 for the prior; NaN and belief.broken = 1 where P is not positive."""
     p = belief.prior_theta.shape[0]
     block = work.block
     if criterion == LOGDET:
         product = factor(belief.covariance, 3, p, block)
         if not product > 0.0:
             belief.broken = 1
+        for i in range(p):
+            product /= belief.prior_theta_std[i] ** 2
         return 0.5 * np.log(product)
     for i in range(p):
         for j in range(p):
@@ -51,9 +53,10 @@ def envelope_excess(task, report):
 
 @inline
 def reward(task, report):
-    """gain_scale information - envelope_weight excess - effort_weight effort."""
+    """gain_scale gained + held_scale held - envelope_weight excess - effort_weight effort."""
     return (
         task.gain_scale * report.information_gain
+        + task.held_scale * report.information_held
         - task.envelope_weight * envelope_excess(task, report)
         - task.effort_weight * report.effort
     )
