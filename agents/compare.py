@@ -1,0 +1,178 @@
+"""The benchmark: every policy on 3 satellites x 4 inertia modes, on the same held-out episodes.
+
+Prints tables and writes compare.json and compare.csv. All policies of a cell fly the same truth and the same
+noise; the inertia follows the paper's laws; the test seeds were used by neither tuning nor training.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import importlib.util
+import io
+import itertools
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from agents.statistics import pair, record
+from agents.tables import print_comparison
+from baselines import BASELINES, make_baseline
+from baselines.provenance import command, revision, versions, write_json, write_text
+from satid_gym.config import unknown_name
+from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, fly, seeds
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.policy import Policy
+from satid_gym.satellite import SATELLITES
+from satid_gym.scenario import SCENARIOS
+
+CHALLENGERS = ("learned", "closed_loop")  # kinds that are set against every other policy, in pairs
+Scores = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What to compare."""
+
+    scenario: str = "default"
+    """The world: default, tight or paper."""
+    satellites: tuple[str, ...] = tuple(SATELLITES)
+    """Satellites to fly."""
+    modes: tuple[str, ...] = INERTIA_MODES
+    """How their inertia varies."""
+    policies: tuple[str, ...] = ()
+    """Policies to compare; all of them where none is named."""
+    episodes: int = 100
+    """Episodes of each policy in each cell."""
+    seed_split: str = "test"
+    """Which seeds: training, tuning, validation or test."""
+    output: Path = Path("results")
+    """Folder for compare.json and compare.csv; scenarios other than default add their name."""
+
+    def check(self, learned: Sequence[Policy]) -> None:
+        """Refuse what cannot be compared.
+
+        Raises:
+            ValueError: a name is unknown or the number of episodes is below 2.
+        """
+        policies = [*BASELINES, *(policy.name for policy in learned)]
+        for kind, given, valid in (
+            ("scenario", (self.scenario,), SCENARIOS),
+            ("satellite", self.satellites, SATELLITES),
+            ("inertia mode", self.modes, INERTIA_MODES),
+            ("policy", self.policies, policies),
+            ("split of seeds", (self.seed_split,), FIRST_SEED),
+        ):
+            for name in given:
+                if name not in valid:
+                    raise unknown_name(kind, name, valid)
+        if self.episodes < 2:
+            raise ValueError(f"episodes must be at least 2 for an interval, got {self.episodes}")
+
+
+def learned_policies() -> list[Policy]:
+    """The policies that are shipped."""
+    if importlib.util.find_spec("agents.policies") is None:
+        return []
+    from agents.policies import shipped
+
+    return shipped()
+
+
+def line_up(comparison: Comparison, satellite: str, learned: Sequence[Policy]) -> list[Policy]:
+    """The policies that fly a satellite: baselines with their settings for it, and the learned ones."""
+    wanted = comparison.policies or [*BASELINES, *(policy.name for policy in learned)]
+    baselines = [make_baseline(name, satellite, comparison.scenario) for name in BASELINES if name in wanted]
+    return [*baselines, *(policy for policy in learned if policy.name in wanted)]
+
+
+def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]:
+    """Fly everything; `records` and `pairs` as compare.json has them."""
+    chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
+    world = benchmark_scenario(comparison.scenario)
+    flights = {
+        (satellite, mode): line_up(comparison, satellite, learned)
+        for satellite, mode in itertools.product(comparison.satellites, comparison.modes)
+    }
+    records: list[dict[str, Any]] = []
+    pairs: list[dict[str, Any]] = []
+    with tqdm(total=sum(map(len, flights.values())), desc="comparing", unit="flight") as bar:
+        for (satellite, mode), policies in flights.items():
+            cell = {"satellite": satellite, "inertia_mode": mode}
+            scores: dict[str, Scores] = {}
+            for policy in policies:
+                bar.set_postfix_str(f"{satellite} {mode} {policy.name}", refresh=False)
+                flight = fly(policy, satellite=satellite, inertia=mode, seeds=chosen, scenario=world)
+                scores[policy.name] = flight.scores()
+                names = {"policy": policy.name, "kind": policy.kind, **cell, "episodes": len(chosen)}
+                records.append({**names, **record(scores[policy.name])})
+                bar.update()
+            pairs += [{**match, **cell, **result} for match, result in _matches(policies, scores)]
+    return {
+        "command": command("agents.compare"),
+        "settings": {**dataclasses.asdict(comparison), "output": str(comparison.output)},
+        "revision": revision(),
+        "versions": versions(),
+        "seeds": {"split": comparison.seed_split, "first": chosen[0], "count": len(chosen)},
+        "scenario": world.to_dict(),
+        "records": records,
+        "pairs": pairs,
+    }
+
+
+def _matches(policies: Sequence[Policy], scores: Mapping[str, Scores]) -> list[tuple[dict[str, str], dict[str, float]]]:
+    return [
+        ({"policy": one.name, "other": other.name}, pair(scores[one.name], scores[other.name]))
+        for one in policies
+        if one.kind in CHALLENGERS
+        for other in policies
+        if other is not one
+    ]
+
+
+def write(results: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write the results as JSON and their records as CSV; the paths written."""
+    scenario = results["settings"]["scenario"]
+    stem = "compare" if scenario == "default" else f"compare_{scenario}"
+    table = io.StringIO()
+    writer = csv.DictWriter(table, fieldnames=list(results["records"][0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(results["records"])
+    paths = [folder / f"{stem}.json", folder / f"{stem}.csv"]
+    write_json(paths[0], results)
+    write_text(paths[1], table.getvalue())
+    return paths
+
+
+def main() -> int:
+    """Run the comparison that the command line asks for; the exit code."""
+    comparison = tyro.cli(Comparison, description=__doc__)
+    start = time.perf_counter()
+    learned = learned_policies()
+    try:
+        comparison.check(learned)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    results = compare(comparison, learned)
+    paths = write(results, comparison.output)
+    first, count = results["seeds"]["first"], results["seeds"]["count"]
+    print_comparison(
+        results["records"],
+        f"bold: lowest among those at most 1 % of the time outside the envelope\n"
+        f"{results['command']}, revision {results['revision']}, scenario {comparison.scenario}, "
+        f"{comparison.seed_split} seeds {first} to {first + count - 1}\n"
+        f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s",
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

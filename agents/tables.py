@@ -1,0 +1,103 @@
+"""The comparison as tables of at most 100 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+Record = Mapping[str, Any]
+
+WIDTH = 100
+MOST_OUTSIDE = 0.01  # of the time; only who keeps it can be best
+
+
+def print_comparison(records: Sequence[Record], footer: str) -> None:
+    """Two tables for each satellite: final error by inertia mode, and everything else averaged over modes."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=WIDTH)
+    for satellite in dict.fromkeys(r["satellite"] for r in records):
+        block = [r for r in records if r["satellite"] == satellite]
+        policies = sorted(
+            dict.fromkeys(r["policy"] for r in block), key=lambda p: _mean(block, p, "final_error_mean")
+        )
+        console.print(error_table(satellite, block, policies))
+        console.print(behaviour_table(satellite, block, policies))
+    console.print(footer, style="dim")
+
+
+def error_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:
+    """Final error in %, with its 95 % interval, by policy and inertia mode."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title=f"{satellite}: final error, % [95 % interval]")
+    table.add_column("policy", no_wrap=True)
+    columns = []
+    for mode in dict.fromkeys(r["inertia_mode"] for r in records):
+        table.add_column(mode, justify="right", no_wrap=True)
+        column = {r["policy"]: r for r in records if r["inertia_mode"] == mode}
+        kept = [r["final_error_mean"] for r in column.values() if r["outside_fraction"] <= MOST_OUTSIDE]
+        columns.append((column, min(kept, default=None)))
+    for policy in policies:
+        cells = []
+        for column, best in columns:
+            r = column[policy]
+            mean, low, high = (_percent(r[f"final_error_{end}"]) for end in ("mean", "lo", "hi"))
+            text = Text(f"{mean} [{low} {high}]", style="bold" if r["final_error_mean"] == best else "")
+            cells.append(text)
+        table.add_row(policy, *cells)
+    return table
+
+
+def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:
+    """Mean over the inertia modes of what else counts."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title=f"{satellite}: mean over inertia modes")
+    table.add_column("policy", no_wrap=True)
+    table.add_column("kind", no_wrap=True)
+    for name in ("mean err %", "to 1 % s", "outside %", "info nats", "NEES", "effort", "saturated %", "ended %"):
+        table.add_column(name, justify="right")
+    for policy in policies:
+        kind = next(r["kind"] for r in records if r["policy"] == policy)
+        mean = {name: _mean(records, policy, name) for name in _BEHAVIOUR}
+        table.add_row(
+            policy,
+            kind.replace("_", " "),
+            _percent(mean["mean_error_mean"]),
+            "never" if mean["time_to_1pct_s"] is None else f"{mean['time_to_1pct_s']:.1f}",
+            f"{100.0 * mean['outside_fraction']:.2f}",
+            f"{mean['information_nats']:.0f}",
+            "-" if mean["nees"] is None else f"{mean['nees']:.2f}",
+            f"{mean['effort']:.3f}",
+            f"{100.0 * mean['saturated_fraction']:.2f}",
+            f"{100.0 * mean['terminated_fraction']:.1f}",
+        )
+    return table
+
+
+_BEHAVIOUR = (
+    "mean_error_mean",
+    "time_to_1pct_s",
+    "outside_fraction",
+    "information_nats",
+    "nees",
+    "effort",
+    "saturated_fraction",
+    "terminated_fraction",
+)
+
+
+def _mean(records: Sequence[Record], policy: str, name: str) -> Any:
+    """Mean over a policy's records; None where one of them has none."""
+    values = [r[name] for r in records if r["policy"] == policy]
+    return None if None in values else float(np.mean(values))
+
+
+def _percent(fraction: float) -> str:
+    """Three digits, without the zero before the point: four intervals have to fit side by side."""
+    percent = 100.0 * fraction
+    decimals = 3 if percent < 1.0 else 2 if percent < 10.0 else 1
+    return f"{percent:.{decimals}f}".removeprefix("0")
