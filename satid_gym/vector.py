@@ -127,6 +127,11 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Generators that the environments' streams were started from."""
         return tuple(self._generators)
 
+    @property
+    def satellite_index(self) -> np.ndarray:
+        """(num_envs,) which of `problem.satellites` each environment flies at present."""
+        return self._tasks["template"].copy()
+
     def reset(
         self,
         *,
