@@ -14,7 +14,7 @@ from satid_gym.core import episode, kernels
 from satid_gym.core.observation import BOUND, layout
 from satid_gym.core.records import MOMENTUM, report_dtype
 from satid_gym.estimators.belief import new_work
-from satid_gym.estimators.protocol import Estimator
+from satid_gym.estimators.protocol import Estimator, is_estimator
 from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
 from satid_gym.problem import (
     InertiaLike,
@@ -195,10 +195,11 @@ where positive |
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self._foreign: Estimator | None = None
-        if isinstance(estimator, Estimator):
+        settings: Any = estimator
+        if is_estimator(estimator):
             self._foreign = estimator
-            estimator = estimator_settings({"name": estimator.coordinates, "parameters": estimator.parameters})
-        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps)
+            settings = estimator_settings({"name": estimator.coordinates, "parameters": estimator.parameters})
+        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps)
         self._templates = build_templates(self.problem)
         self._plants = np.zeros(1, self._templates.plants.dtype)
         self._beliefs = np.zeros(1, self._templates.beliefs.dtype)

@@ -55,4 +55,8 @@ def reward_settings(value: str | Mapping[str, Any] | RewardSettings | None) -> R
         return RewardSettings()
     if isinstance(value, str):
         return RewardSettings(criterion=value)  # type: ignore[arg-type]
-    return value if isinstance(value, RewardSettings) else RewardSettings.from_dict(value)
+    if isinstance(value, RewardSettings):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"reward must be the name of a criterion, a mapping or RewardSettings, got {value!r}")
+    return RewardSettings.from_dict(value)

@@ -107,11 +107,17 @@ REFUSED = {
     "orbit": (lambda: Disturbance(orbit_rate=-1e-3), "orbit_rate must be finite and at least 0"),
     # reward
     "criterion": (lambda: RewardSettings(criterion="logdte"), "unknown information criterion 'logdte'.*mean 'logdet'?"),
+    "reward's type": (lambda: problem(reward=3), "reward must be the name of a criterion, a mapping or Reward.*got 3"),
     "net": (lambda: RewardSettings(net="yes"), "net must be True or False, got 'yes'"),
     "gain": (lambda: RewardSettings(gain_scale=-0.1), "gain_scale must be finite and at least 0, got -0.1"),
     "weight": (lambda: RewardSettings(envelope_weight=np.inf), "envelope_weight must be finite"),
     # estimators
     "estimator": (lambda: estimator_settings("momentun"), "unknown estimator 'momentun'.*Did you mean 'momentum'?"),
+    "estimator's type": (lambda: problem(estimator=3), "estimator must be a name, a mapping or its settings.*got 3"),
+    "estimator in a vector": (
+        lambda: SatInertiaIDVectorEnv(2, estimator=MomentumEKF()),
+        "in the single environment an object that follows Estimator",
+    ),
     "parameters": (lambda: MomentumEKF(parameters="ful"), "unknown inertia parameters 'ful'.*Did you mean 'full'?"),
     "walk": (lambda: MomentumEKF(inertia_walk=-1.0), "inertia_walk must be finite and at least 0, got -1.0"),
     "substeps": (lambda: MomentumEKF(substeps=0), "substeps must be a whole number of at least 1, got 0"),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, TypeGuard
 
 import numpy as np
 
 from satid_gym.estimators.settings import Briefing, Parameters
 
 
-@runtime_checkable
 class Estimator(Protocol):
     """An online estimator of inertia from gyro and wheel speeds.
 
@@ -43,3 +42,11 @@ class Estimator(Protocol):
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
+
+
+def is_estimator(value: object) -> TypeGuard[Estimator]:
+    """Whether `value` has the protocol's methods.
+
+    `isinstance` would read the properties as well, up to Python 3.11, and those have no value before `reset`.
+    """
+    return all(callable(getattr(value, name, None)) for name in ("reset", "predict", "update"))

@@ -160,6 +160,11 @@ def estimator_settings(value: str | Mapping[str, Any] | EstimatorSettings) -> Es
         return value
     if isinstance(value, str):
         value = {"name": value}
+    if not isinstance(value, Mapping):
+        raise ValueError(
+            f"estimator must be a name, a mapping or its settings, or in the single environment an object that "
+            f"follows Estimator, got {value!r}"
+        )
     name = value.get("name")
     if name not in ESTIMATORS:
         raise unknown_name("estimator", name, ESTIMATORS)

@@ -1,0 +1,127 @@
+"""The observation: every part from belief and measurement, by its definition, and within its bounds."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from satid_gym import SATELLITES, SatInertiaIDEnv
+from satid_gym.core.observation import BOUND, layout
+from satid_gym.estimators import MomentumEKF, RateEKF, brief
+
+
+class KeepsReadings:
+    """Mixed into a filter, it keeps the last readings the environment gave it."""
+
+    def reset(self, briefing, gyro, wheel_speed):
+        self.gyro, self.wheel_speed = gyro, wheel_speed
+        super().reset(briefing, gyro, wheel_speed)
+
+    def update(self, gyro, wheel_speed):
+        self.gyro, self.wheel_speed = gyro, wheel_speed
+        return super().update(gyro, wheel_speed)
+
+
+class MomentumRecorder(KeepsReadings, MomentumEKF):
+    pass
+
+
+class RateRecorder(KeepsReadings, RateEKF):
+    pass
+
+
+def test_layout_is_contiguous_and_fills_the_space():
+    for n, p in ((3, 3), (3, 6), (4, 6)):
+        parts = list(layout(n, p).values())
+        assert parts[0].start == 0
+        assert all(a.stop == b.start for a, b in itertools.pairwise(parts))
+        assert parts[-1].stop == 16 + 2 * n + 5 * p
+    env = SatInertiaIDEnv(estimator={"name": "momentum", "parameters": "full"})
+    assert env.observation_space.shape == (16 + 6 + 30,)
+    assert env.layout == layout(3, 6)
+
+
+@pytest.mark.parametrize("recorder", [MomentumRecorder(), RateRecorder()], ids=["momentum", "rate"])
+@pytest.mark.parametrize("name", SATELLITES)
+def test_every_part_by_its_definition(name, recorder):
+    satellite, env = SATELLITES[name], SatInertiaIDEnv(name, estimator=recorder)
+    scenario, wheels = env.problem.scenario, satellite.wheels
+    j, prior = wheels.inertia, np.diag(brief(satellite, scenario).inertia)
+    observation, _ = env.reset(seed=5)
+    rng = np.random.default_rng(0)
+    for step in range(25):
+        action = rng.uniform(-0.3, 0.3, 3).astype(np.float32)
+        observation, *_ = env.step(action)
+        x, covariance = recorder.mean, recorder.covariance
+        theta, std = x[3:6], np.sqrt(np.diag(covariance))
+        if recorder.coordinates == "momentum":
+            momentum, tau = x[:3], x[6:]
+            omega = (momentum - j * recorder.wheel_speed) / theta
+        else:
+            omega, tau = x[:3], np.zeros(3)
+            momentum = theta * omega + j * x[6:]
+        expected = {
+            "rate": recorder.gyro / satellite.rate_limit,
+            "wheel_speed": recorder.wheel_speed / wheels.max_speed,
+            "inertia": theta / prior - 1.0,
+            "uncertainty": np.log10(std[3:6] / prior) + 2.0,
+            "disturbance": tau / satellite.disturbance_std,
+            "correlation": (covariance[:3, 3:6] / np.outer(std[:3], std[3:6])).ravel(),
+            "authority": wheels.max_torque * 1.0 / prior / satellite.rate_limit,
+            "swing": prior * satellite.rate_limit / (j * wheels.max_speed),
+            "drift": (np.cross(momentum, omega) + tau) / theta * 1.0 / satellite.rate_limit,
+            "command": action,
+            "time_left": [1.0 - (step + 1) / 300],
+        }
+        for part, place in env.layout.items():
+            value = np.clip(expected.pop(part), -BOUND, BOUND)
+            np.testing.assert_allclose(observation[place], value, rtol=2e-6, atol=2e-6, err_msg=part)
+        assert not expected
+
+
+@pytest.mark.parametrize("name", SATELLITES)
+def test_observation_is_of_order_one_in_ordinary_flight(name):
+    env = SatInertiaIDEnv(name)
+    seen = []
+    for seed in range(3):
+        observation, _ = env.reset(seed=seed)
+        for step in range(300):
+            seen.append(observation)
+            rate = observation[env.layout["rate"]]
+            authority = observation[env.layout["authority"]]
+            target = 0.8 * np.where((step / 30.0 + np.arange(3) / 3.0) % 1.0 < 0.5, 1.0, -1.0)
+            observation, *_ = env.step(np.clip((rate - target) / authority, -1.0, 1.0).astype(np.float32))
+    seen = np.array(seen)
+    assert np.abs(seen).max() < BOUND, "nothing is cut"
+    assert np.abs(seen).mean() < 1.5
+    assert np.abs(seen).mean() > 0.1
+
+
+def test_observation_is_finite_and_bounded_whatever_the_action():
+    env = SatInertiaIDEnv("random", scenario={"termination_factor": 1e6})
+    rng = np.random.default_rng(0)
+    for seed in range(6):
+        observation, _ = env.reset(seed=seed)
+        for _ in range(100):
+            assert env.observation_space.contains(observation)
+            observation, reward, *_ = env.step(rng.choice([-1.0, 1.0], 3).astype(np.float32))
+            assert np.isfinite(reward)
+
+
+def test_observations_and_infos_are_copies():
+    env = SatInertiaIDEnv()
+    first, info = env.reset(seed=0)
+    kept, kept_info = first.copy(), {k: np.copy(v) for k, v in info.items()}
+    second, *_, later = env.step(np.full(3, 0.5, np.float32))
+    np.testing.assert_array_equal(first, kept)
+    for key, value in info.items():
+        np.testing.assert_array_equal(value, kept_info[key])
+        assert not (isinstance(value, np.ndarray) and np.shares_memory(value, later[key]))
+    second[:] = 7.0
+    info["inertia_true"][:] = 7.0
+    twin = SatInertiaIDEnv()
+    twin.reset(seed=0)
+    twin.step(np.full(3, 0.5, np.float32))
+    np.testing.assert_array_equal(env.step(np.zeros(3, np.float32))[0], twin.step(np.zeros(3, np.float32))[0])
