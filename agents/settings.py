@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from satid_gym.config import unknown_name
 from satid_gym.problem import SatelliteLike
+from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite
 
 NAMED = Path(__file__).parent / "settings"
@@ -34,8 +35,8 @@ class TrainSettings:
     """What the network commands: body rates through the rate loop, or wheel torque at once."""
     margin: float = 2.4
     """Of the rate loop, in standard deviations of one decision's noise."""
-    reward: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of the reward that differ from the environment's defaults."""
+    reward: RewardSettings = field(default_factory=RewardSettings)
+    """What pays in training."""
     steps: int = 10_000_000
     """Decisions to train for, all environments together."""
     seed: int = 0
@@ -109,8 +110,10 @@ class TrainSettings:
         for name in values:
             if name not in valid:
                 raise unknown_name("training setting", name, valid)
-        lists = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-        return cls(**lists)
+        plain = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+        if "reward" in plain:
+            plain["reward"] = reward_settings(plain["reward"])
+        return cls(**plain)
 
 
 def named(name: str) -> TrainSettings:

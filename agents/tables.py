@@ -24,9 +24,7 @@ def print_comparison(records: Sequence[Record], footer: str) -> None:
         console = Console(highlight=False, width=WIDTH)
     for satellite in dict.fromkeys(r["satellite"] for r in records):
         block = [r for r in records if r["satellite"] == satellite]
-        policies = sorted(
-            dict.fromkeys(r["policy"] for r in block), key=lambda p: _mean(block, p, "final_error_mean")
-        )
+        policies = sorted(dict.fromkeys(r["policy"] for r in block), key=lambda p: _mean(block, p, "final_error_mean"))
         console.print(error_table(satellite, block, policies))
         console.print(behaviour_table(satellite, block, policies))
     console.print(footer, style="dim")

@@ -10,14 +10,15 @@ that is stopped at any moment resumes from its last checkpoint with the same res
 
 from __future__ import annotations
 
+import argparse
 import csv
 import json
 import shlex
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -103,7 +104,7 @@ class Run:
             satellite=settings.pool(),
             inertia=settings.inertia,
             scenario=settings.scenario,
-            reward=dict(settings.reward),
+            reward=settings.reward,
         )
         self.env.seed(seeds("training", 1, settings.seed * settings.num_envs)[0])
         self.model = self._new_model()
@@ -235,7 +236,7 @@ class _Progress(BaseCallback):
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Where settings come from and where the run goes."""
+    """Where settings come from, where the run goes, and any training setting by its name."""
 
     settings: str | None = None
     """Named settings to start from (agents/settings/*.json)."""
@@ -243,23 +244,34 @@ class Options:
     """Folder of the run; runs/NAME-SEED by default."""
     resume: bool = False
     """Go on with the run in that folder, by the settings it was started with."""
+    training: Annotated[TrainSettings, tyro.conf.arg(name="")] = field(default_factory=TrainSettings)
+
+
+def _base(arguments: list[str]) -> TrainSettings:
+    """The settings that the command line starts from: named ones, or those of the run to resume."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--settings")
+    parser.add_argument("--run", type=Path)
+    parser.add_argument("--resume", action="store_true")
+    known, others = parser.parse_known_args(arguments)
+    if not known.resume:
+        return named(known.settings) if known.settings else TrainSettings()
+    if known.run is None or others or known.settings:
+        raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
+    file = known.run / "run.json"
+    if not file.is_file():
+        raise ValueError(f"{known.run} holds no run: {file} is missing")
+    return TrainSettings.from_dict(json.loads(file.read_text())["settings"])
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Command line: options above, and any training setting by its name."""
+    """Command line."""
     arguments = sys.argv[1:] if arguments is None else arguments
     command = shlex.join(["python", "-m", "agents.train", *arguments])
     try:
-        options, rest = tyro.cli(Options, args=arguments, return_unknown_args=True, add_help=False)
-        base = named(options.settings) if options.settings else TrainSettings()
-        if options.resume:
-            if options.run is None or rest:
-                raise ValueError("--resume needs --run FOLDER and takes no other settings than those of the run")
-            file = options.run / "run.json"
-            if not file.is_file():
-                raise ValueError(f"{options.run} holds no run: {file} is missing")
-            base = TrainSettings.from_dict(json.loads(file.read_text())["settings"])
-        settings = tyro.cli(TrainSettings, args=rest, default=base, description=__doc__)
+        start = Options(training=_base(arguments))
+        options = tyro.cli(Options, args=arguments, default=start, description=__doc__)
+        settings = options.training
         folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
         run = Run(settings, folder, resume=options.resume, command=command)
     except ValueError as error:
