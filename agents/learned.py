@@ -33,8 +33,8 @@ class Network:
     biases: tuple[np.ndarray, ...]
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Output (N, out) for observations (N, in)."""
-        x = np.asarray(observation, dtype=np.float32)
+        """Output (N, out) for observations (N, in), in double precision: the same on every machine."""
+        x = np.asarray(observation, dtype=np.float64)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = np.tanh(x @ weight.T + bias)
         return x @ self.weights[-1].T + self.biases[-1]
