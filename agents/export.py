@@ -1,6 +1,6 @@
 """Export a policy's network to ONNX: `python -m agents.export POLICY OUTPUT.onnx`.
 
-The graph takes observations (N, size), float32, and gives commands (N, 3): body rates as fractions of what the
+The graph takes observations (N, size), float32, and gives commands (N, 3) in [-1, 1]: body rates as fractions of what the
 envelope allows where the policy's control is "rate" (the rate loop, baselines/rate_loop.py, turns them into
 torque), motor torque where it is "torque". It is checked against the same layers in torch before it is kept.
 """
@@ -42,7 +42,10 @@ def graph(policy: LearnedPolicy) -> onnx.ModelProto:
         if not last:
             nodes.append(helper.make_node("Tanh", [y], [f"{y}.tanh"]))
         x = f"{y}.tanh"
-    nodes.append(helper.make_node("Cast", ["output"], ["command"], to=TensorProto.FLOAT))
+    constants.append(numpy_helper.from_array(np.array(-1.0), "least"))
+    constants.append(numpy_helper.from_array(np.array(1.0), "most"))
+    nodes.append(helper.make_node("Clip", ["output", "least", "most"], ["clipped"]))
+    nodes.append(helper.make_node("Cast", ["clipped"], ["command"], to=TensorProto.FLOAT))
     entry = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", size])
     exit_ = helper.make_tensor_value_info("command", TensorProto.FLOAT, ["batch", outputs])
     model = helper.make_model(
@@ -56,13 +59,13 @@ def graph(policy: LearnedPolicy) -> onnx.ModelProto:
 
 
 def torch_network(network: Network) -> torch.nn.Sequential:
-    """The same layers in torch, as they were trained."""
+    """The same layers in torch, in double precision, and the cut to [-1, 1]."""
     layers: list[torch.nn.Module] = []
     for weight, bias in zip(network.weights, network.biases, strict=True):
         layer = torch.nn.Linear(weight.shape[1], weight.shape[0])
         layer.weight.data, layer.bias.data = torch.from_numpy(weight), torch.from_numpy(bias)
         layers += [layer.double(), torch.nn.Tanh()]
-    return torch.nn.Sequential(*layers[:-1])
+    return torch.nn.Sequential(*layers[:-1], torch.nn.Hardtanh())
 
 
 def largest_difference(session: onnxruntime.InferenceSession, network: Network, rows: int = 10_000) -> float:

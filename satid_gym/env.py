@@ -121,7 +121,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | time_left | 1 | fraction of the horizon |
 
     ## Reward
-    gain_scale * gained + held_scale * held - envelope_weight * excess - effort_weight * effort
+    gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort
 
     | term | default weight | meaning |
     |---|---|---|

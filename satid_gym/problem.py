@@ -188,7 +188,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     stored = np.abs(satellite.wheels.axes) @ (satellite.wheels.inertia * satellite.wheels.max_speed)
     task["swing"] = np.diag(prior) * satellite.rate_limit / stored
     task["criterion"], task["net"] = CRITERIA.index(reward.criterion), reward.net
-    for name in ("gain_scale", "held_scale", "envelope_margin", "envelope_weight", "effort_weight"):
+    for name in ("gain_scale", "held_scale", "held_reference", "envelope_margin", "envelope_weight", "effort_weight"):
         task[name] = getattr(reward, name)
     return rows
 

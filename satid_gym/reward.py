@@ -14,7 +14,7 @@ CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RewardSettings(Config):
-    """reward = gain_scale gained + held_scale held - envelope_weight excess - effort_weight effort, each decision.
+    """gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort.
 
     Attributes:
         criterion: what counts as information on theta, in nats: "logdet" (D-optimality), "trace" (A),
@@ -23,6 +23,7 @@ class RewardSettings(Config):
             filter's own forgetting reduces.
         gain_scale: reward for a nat gained.
         held_scale: reward for every nat by which theta is better known at the decision's end than before launch.
+        held_reference: nats held at which that reward is zero; it keeps returns small.
         envelope_weight: penalty for a unit of excess: the largest measured rate of the decision over the rate
             limit, less the margin, where positive, summed over axes.
         envelope_margin: fraction of the rate limit at which the penalty begins.
@@ -36,6 +37,7 @@ class RewardSettings(Config):
     net: bool = False
     gain_scale: float = 0.1
     held_scale: float = 0.0
+    held_reference: float = 0.0
     envelope_weight: float = 10.0
     envelope_margin: float = 0.96
     effort_weight: float = 0.0
@@ -45,7 +47,14 @@ class RewardSettings(Config):
             raise unknown_name("information criterion", self.criterion, CRITERIA)
         if not isinstance(self.net, bool):
             raise ValueError(f"net must be True or False, got {self.net!r}")
-        for name in ("gain_scale", "held_scale", "envelope_weight", "envelope_margin", "effort_weight"):
+        for name in (
+            "gain_scale",
+            "held_scale",
+            "held_reference",
+            "envelope_weight",
+            "envelope_margin",
+            "effort_weight",
+        ):
             check_number(name, getattr(self, name))
 
 

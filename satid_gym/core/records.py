@@ -125,6 +125,7 @@ def task_dtype(n: int) -> np.dtype:
             ("net", _I),
             ("gain_scale", _F),
             ("held_scale", _F),
+            ("held_reference", _F),
             ("envelope_margin", _F),
             ("envelope_weight", _F),
             ("effort_weight", _F),

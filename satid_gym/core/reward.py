@@ -53,10 +53,10 @@ def envelope_excess(task, report):
 
 @inline
 def reward(task, report):
-    """gain_scale gained + held_scale held - envelope_weight excess - effort_weight effort."""
+    """gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort."""
     return (
         task.gain_scale * report.information_gain
-        + task.held_scale * report.information_held
+        + task.held_scale * (report.information_held - task.held_reference)
         - task.envelope_weight * envelope_excess(task, report)
         - task.effort_weight * report.effort
     )
