@@ -1,8 +1,8 @@
 """Export a policy's network to ONNX: `python -m agents.export POLICY OUTPUT.onnx`.
 
-The graph takes observations (N, size), float32, and gives commands (N, 3) in [-1, 1]: body rates as fractions of what the
-envelope allows where the policy's control is "rate" (the rate loop, baselines/rate_loop.py, turns them into
-torque), motor torque where it is "torque". It is checked against the same layers in torch before it is kept.
+The graph takes observations (N, size), float32, and gives commands (N, 3) in [-1, 1]: body rates as fractions
+of what the envelope allows where the policy's control is "rate" (the rate loop, baselines/rate_loop.py, turns
+them into torque), motor torque where it is "torque". It is checked against the same layers in torch before it is kept.
 """
 
 from __future__ import annotations
