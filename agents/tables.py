@@ -32,7 +32,7 @@ def print_comparison(records: Sequence[Record], footer: str) -> None:
 
 def error_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:
     """Final error in %, with its 95 % interval, by policy and inertia mode."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title=f"{satellite}: final error, % [95 % interval]")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=f"{satellite}: final error, % [95 % interval]")
     table.add_column("policy", no_wrap=True)
     columns = []
     for mode in dict.fromkeys(r["inertia_mode"] for r in records):
@@ -53,11 +53,11 @@ def error_table(satellite: str, records: Sequence[Record], policies: Sequence[st
 
 def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:
     """Mean over the inertia modes of what else counts."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title=f"{satellite}: mean over inertia modes")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=f"{satellite}: mean over inertia modes")
     table.add_column("policy", no_wrap=True)
     table.add_column("kind", no_wrap=True)
-    for name in ("mean err %", "to 1 % s", "outside %", "info nats", "NEES", "effort", "saturated %", "ended %"):
-        table.add_column(name, justify="right")
+    for name in _HEADINGS:
+        table.add_column(name, justify="right", no_wrap=True)
     for policy in policies:
         kind = next(r["kind"] for r in records if r["policy"] == policy)
         mean = {name: _mean(records, policy, name) for name in _BEHAVIOUR}
@@ -76,6 +76,16 @@ def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequenc
     return table
 
 
+_HEADINGS = (
+    "mean\nerror %",
+    "to 1 %\ns",
+    "outside\n%",
+    "gain\nnats",
+    "\nNEES",
+    "\neffort",
+    "satur-\nated %",
+    "ended\n%",
+)
 _BEHAVIOUR = (
     "mean_error_mean",
     "time_to_1pct_s",

@@ -1,0 +1,216 @@
+"""Scores against numbers worked out by hand; flights against the single environment."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import satid_gym
+from satid_gym import metrics
+from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
+from satid_gym.policy import missions
+from satid_gym.problem import problem
+
+
+class Constant:
+    """The same action always."""
+
+    name, kind = "constant", "scripted"
+
+    def __init__(self, *action):
+        self.action = np.array(action, float)
+
+    def reset(self, mission, seeds):
+        self.mission, self.count = mission, len(seeds)
+
+    def __call__(self, observation):
+        self.first = getattr(self, "first", observation)
+        return np.tile(self.action, (self.count, 1))
+
+
+# metrics
+
+
+def test_errors_by_hand():
+    error = np.array([[0.5, 1.0], [0.2, 1.0], [0.1, 1.0], [0.04, 1.0], [0.03, 0.5]] * 2)
+    np.testing.assert_allclose(metrics.final_error(error), [0.035, 0.75])  # the last 2 of 10
+    np.testing.assert_allclose(metrics.mean_error(error), [0.174, 0.9])
+
+
+def test_final_error_has_a_window_of_at_least_one():
+    np.testing.assert_allclose(metrics.final_error(np.array([[3.0], [1.0]])), [1.0])
+
+
+def test_time_to():
+    error = np.array([[0.5, 0.5, 0.001], [0.01, 0.5, 0.5], [0.5, 0.5, 0.5]])
+    np.testing.assert_array_equal(metrics.time_to(error, np.array([1.0, 2.0, 3.0])), [2.0, np.inf, 1.0])
+
+
+def test_consistency_leaves_out_what_follows_a_step():
+    time = np.arange(1.0, 31.0)
+    nees = np.where((time >= 12.0) & (time <= 21.0), 100.0, 1.0)[:, None]
+    assert metrics.consistency(nees, time, 11.5) == pytest.approx(1.0)
+    assert metrics.consistency(nees, time) == pytest.approx((10 * 100.0 + 20.0) / 30.0)
+    nees[25:] = np.nan
+    assert metrics.consistency(nees, time, 11.5) == pytest.approx(1.0)
+
+
+def test_interquartile_mean():
+    assert metrics.iqm(np.array([-100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1000.0])) == pytest.approx(3.5)
+    np.testing.assert_allclose(metrics.iqm(np.array([[0.0, 1.0, 3.0, 9.0], [4.0, 4.0, 4.0, 4.0]])), [2.0, 4.0])
+
+
+def test_improvements():
+    wins = metrics.improvements(np.array([1.0, 2.0, 3.0, 4.0]), np.array([2.0, 2.0, 2.0, 5.0]))
+    np.testing.assert_array_equal(wins, [1.0, 0.5, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("statistic", [np.mean, metrics.iqm])
+def test_bootstrap_of_a_normal_sample(statistic):
+    values = np.random.default_rng(1).normal(5.0, 2.0, 400)
+    low, high = metrics.bootstrap(values, statistic)
+    # the mean of 400 has std 0.1; the interquartile mean of a normal sample about 1.1 times that
+    assert low < statistic(values) < high
+    assert high - low == pytest.approx(2 * 1.96 * 0.1, rel=0.3)
+    assert metrics.bootstrap(values, statistic) == (low, high)
+
+
+def test_bootstrap_covers_at_its_level():
+    rng = np.random.default_rng(2)
+    hits = 0
+    for _ in range(200):
+        low, high = metrics.bootstrap(rng.exponential(1.0, 60), resamples=500)
+        hits += low <= 1.0 <= high
+    assert 0.88 <= hits / 200 <= 0.99  # 95 %, less the skewness of 60 exponentials; 4.5 sigma wide
+
+
+def test_bootstrap_of_one_value():
+    assert metrics.bootstrap(np.full(10, 0.25)) == (0.25, 0.25)
+    assert metrics.bootstrap(np.array([3.0])) == (3.0, 3.0)
+
+
+# seeds and scenarios
+
+
+def test_splits_of_seeds_never_meet():
+    first = {split: seeds(split, 1)[0] for split in ("training", "tuning", "validation", "test")}
+    assert len(set(first.values())) == 4
+    last = {split: seeds(split, 1, 999_999_999)[0] for split in first}
+    ranges = sorted((first[split], last[split]) for split in first)
+    assert all(before[1] < after[0] for before, after in itertools.pairwise(ranges))
+    assert seeds("test", 3, 5) == [first["test"] + 5, first["test"] + 6, first["test"] + 7]
+
+
+def test_seeds_that_do_not_exist():
+    with pytest.raises(ValueError, match=r"unknown split of seeds 'tests'.*Did you mean 'test'"):
+        seeds("tests", 3)
+    with pytest.raises(ValueError, match="a split has 1000000000 seeds, asked for 2 from 999999999"):
+        seeds("test", 2, 999_999_999)
+
+
+@pytest.mark.parametrize(("mode", "expected"), [("static", 1.0), ("step", 1.1), ("drift", 1.05), ("periodic", 1.0)])
+def test_benchmark_flies_the_laws_of_the_paper(mode, expected):
+    env = satid_gym.SatInertiaIDEnv("microsat", mode, benchmark_scenario())
+    _, info = env.reset(seed=7)
+    start = info["inertia_true"]
+    largest = 0.0
+    for _ in range(300):
+        _, _, _, truncated, info = env.step(np.zeros(3, np.float32))
+        largest = max(largest, float(np.trace(info["inertia_true"]) / np.trace(start)))
+    assert truncated
+    assert np.trace(info["inertia_true"]) / np.trace(start) == pytest.approx(expected, abs=1e-9)
+    if mode == "periodic":  # 3 % at 0.02 Hz, seen each second: a sample lies within half a second of the crest
+        assert largest == pytest.approx(1.03, abs=0.03 * (1 - np.cos(2 * np.pi * 0.02 * 0.5)) + 1e-9)
+
+
+# flights
+
+
+def test_flight_equals_the_single_environment():
+    chosen = seeds("validation", 3)
+    world = benchmark_scenario().replace(horizon=20.0)
+    flight = fly(Constant(0.02, -0.01, 0.0), satellite="microsat", inertia="drift", seeds=chosen, scenario=world)
+    assert flight.error.shape == (20, 3)
+    np.testing.assert_array_equal(flight.time, np.arange(1.0, 21.0))
+    env = satid_gym.SatInertiaIDEnv("microsat", "drift", world)
+    for i, seed in enumerate(chosen):
+        env.reset(seed=seed)
+        for t in range(20):
+            _, reward, _, _, info = env.step(np.array([0.02, -0.01, 0.0], np.float32))
+            assert flight.error[t, i] == pytest.approx(info["relative_error"], rel=1e-9)
+            assert flight.nees[t, i] == pytest.approx(info["nees"], rel=1e-9)
+            assert flight.information[t, i] == pytest.approx(info["information_gain"], rel=1e-9)
+            assert flight.outside[t, i] == pytest.approx(info["cost"])
+            assert flight.reward[t, i] == pytest.approx(reward, rel=1e-9)
+        assert flight.effort[-1, i] == pytest.approx((0.02**2 + 0.01**2) / 3.0, rel=1e-6)
+
+
+def test_policies_of_a_cell_fly_the_same_episodes():
+    cell = {"satellite": "cubesat", "inertia": "random", "seeds": seeds("test", 4), "scenario": "default"}
+    one, other = Constant(0.1, 0.0, 0.0), Constant(0.0, 0.0, -0.1)
+    fly(one, **cell), fly(other, **cell)
+    np.testing.assert_array_equal(one.first, other.first)
+    assert len(np.unique(one.first, axis=0)) == 4
+
+
+def test_termination_is_not_forgiven():
+    flight = fly(Constant(1.0, 1.0, 1.0), satellite="cubesat", inertia="static", seeds=seeds("test", 5))
+    last = flight.alive.sum(axis=0) - 1  # decision that ended it: 0.01 N m on 0.26 kg m^2 takes 4 s to 0.15 rad/s
+    assert np.all((last >= 1) & (last <= 10))
+    for i, t in enumerate(last):
+        assert flight.outside[t, i] > 0.0
+        np.testing.assert_array_equal(flight.outside[t + 1 :, i], 1.0)
+        np.testing.assert_array_equal(flight.error[t + 1 :, i], flight.error[t, i])
+        for series in (flight.information, flight.effort, flight.reward, flight.nees, flight.saturated):
+            np.testing.assert_array_equal(series[t + 1 :, i], 0.0)
+    scores = flight.scores()
+    assert scores["terminated"].all()
+    np.testing.assert_allclose(scores["effort"], 1.0)
+    np.testing.assert_allclose(scores["nees"], [flight.nees[: t + 1, i].mean() for i, t in enumerate(last)])
+
+
+def test_scores_by_hand():
+    ones, zeros = np.ones((10, 2)), np.zeros((10, 2))
+    error = np.linspace(0.10, 0.01, 10)[:, None] * np.array([1.0, 0.5])
+    alive = np.ones((10, 2), bool)
+    alive[5:, 1] = False
+    flight = Flight(
+        time=np.arange(1.0, 11.0), error=error, outside=0.25 * ones, nees=2.0 * ones, information=3.0 * ones,
+        effort=np.where(alive, 0.5, 0.0), reward=ones, saturated=zeros, alive=alive, step_time=None,
+    )  # fmt: skip
+    expected = {
+        "final_error": [0.015, 0.0075],
+        "mean_error": [0.055, 0.0275],
+        "time_to_1pct_s": [10.0, 9.0],
+        "outside_fraction": [0.25, 0.25],
+        "information_nats": [30.0, 30.0],
+        "nees": [2.0, 2.0],
+        "effort": [0.5, 0.5],
+        "saturated_fraction": [0.0, 0.0],
+        "reward": [10.0, 10.0],
+        "terminated": [False, True],
+    }
+    scores = flight.scores()
+    assert scores.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_allclose(scores[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "scenario", "time"),
+    [("step", benchmark_scenario(), 150.0), ("step", "default", None), ("drift", benchmark_scenario(), None)],
+)
+def test_step_time_is_known_where_all_episodes_share_it(inertia, scenario, time):
+    flight = fly(Constant(0.0, 0.0, 0.0), satellite="smallsat", inertia=inertia, seeds=[0, 1], scenario=scenario)
+    assert flight.step_time == time
+
+
+def test_a_mission_holds_what_is_known_before_the_flight():
+    full = problem(["cubesat", "smallsat"], scenario="paper", estimator={"name": "rate", "parameters": "full"})
+    cubesat, smallsat = missions(full)
+    np.testing.assert_allclose(np.diag(cubesat.prior_inertia), [0.208, 0.208, 0.128])  # 0.80 of nominal
+    np.testing.assert_allclose(np.diag(smallsat.prior_inertia), [9.01, 12.07, 13.005])  # 0.85 of nominal
+    assert cubesat.satellite.rate_limit == 0.5
+    assert cubesat.layout["inertia"].stop - cubesat.layout["inertia"].start == 6
+    tight = missions(problem("cubesat", scenario="tight"))[0]
+    np.testing.assert_allclose(tight.satellite.wheels.max_speed, 46.0)
