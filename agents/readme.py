@@ -1,0 +1,89 @@
+"""Write the README's figures from committed results: `python -m agents.readme`.
+
+The results are docs/results/compare.json and benchmark.json, as `python -m agents.compare --output docs/results`
+and `python -m satid_gym.benchmark --output docs/results/benchmark.json` wrote them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.provenance import write_text
+
+ROOT = Path(__file__).parent.parent
+RESULTS = ROOT / "docs" / "results"
+_ORDER = {"learned": 0, "closed_loop": 1, "scripted": 2, "reference": 3}
+
+
+def results_table(results: Mapping[str, Any]) -> str:
+    """Markdown table: final error and share of time outside by policy and satellite, mean over inertia modes."""
+    records: Sequence[Mapping[str, Any]] = results["records"]
+    satellites = list(dict.fromkeys(r["satellite"] for r in records))
+    policies = dict.fromkeys((r["policy"], r["kind"]) for r in records if r["kind"] in _ORDER)
+
+    def mean(policy: str, satellite: str, name: str) -> float:
+        chosen = [r[name] for r in records if r["policy"] == policy and r["satellite"] == satellite]
+        return float(np.mean(chosen))
+
+    def rank(item: tuple[str, str]) -> tuple[int, float]:
+        return _ORDER[item[1]], float(np.mean([mean(item[0], s, "final_error_mean") for s in satellites]))
+
+    lines = [f"| policy | kind | {' | '.join(satellites)} |", "|---|---|" + "---|" * len(satellites)]
+    for policy, kind in sorted(policies, key=rank):
+        cells = [
+            f"{100 * mean(policy, s, 'final_error_mean'):.3g} ({100 * mean(policy, s, 'outside_fraction'):.1f} %)"
+            for s in satellites
+        ]
+        name = f"**{policy}**" if kind == "learned" else policy
+        lines.append(f"| {name} | {kind.replace('_', ' ')} | {' | '.join(cells)} |")
+    source = f"Revision {results['revision']}, {results['command'].split(' --output')[0]}."
+    return "\n".join([*lines, "", source])
+
+
+def benchmark_table(figures: Mapping[str, Any]) -> str:
+    """Markdown table of the speed figures."""
+    rows = [
+        (
+            "whole environment steps, 1024 environments",
+            f"{figures['vector_1024_filter_steps_per_s'] / 1e6:.2f} million filter steps a second",
+        ),
+        ("the same with 64 environments", f"{figures['vector_64_filter_steps_per_s'] / 1e6:.2f} million"),
+        (
+            "`gymnasium.make`",
+            f"{figures['single_decisions_per_s'] / 1e3:.0f} thousand decisions a second (ten filter steps each)",
+        ),
+        (
+            "filter step, against filterpy with the same model",
+            f"{figures['filter_compiled_over_filterpy']:.0f} times faster",
+        ),
+        (
+            "first step, cold / with the cache warm",
+            f"{figures['first_step_cold_s']:.0f} s / {figures['first_step_warm_s']:.1f} s, import included",
+        ),
+        ("memory", f"{figures['bytes_per_environment'] / 1e3:.1f} kB an environment"),
+    ]
+    return "\n".join(["| what | figure |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows)])
+
+
+def written(text: str) -> str:
+    """The README with its tables made anew from the committed results."""
+    text = _between(text, "results", results_table(json.loads((RESULTS / "compare.json").read_text())))
+    return _between(text, "benchmark", benchmark_table(json.loads((RESULTS / "benchmark.json").read_text())))
+
+
+def _between(text: str, name: str, content: str) -> str:
+    start, end = f"<!-- {name}: python -m agents.readme -->", f"<!-- end of {name} -->"
+    if start not in text or end not in text:
+        raise ValueError(f"README.md must hold the lines {start!r} and {end!r}")
+    head, _, rest = text.partition(start)
+    return f"{head}{start}\n{content}\n{end}{rest.partition(end)[2]}"
+
+
+if __name__ == "__main__":
+    readme = ROOT / "README.md"
+    write_text(readme, written(readme.read_text()))
