@@ -1,0 +1,164 @@
+"""The posterior bound against the information recursion written out; the envelope bound against search."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from satid_gym import SATELLITES, simulate
+from satid_gym.bounds import Course, envelope_bound, expected_bound, posterior_bound, rate_cap, sample_information
+from satid_gym.estimators import MomentumEKFSettings, brief
+from satid_gym.estimators.reference import _MomentumModel
+from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
+
+DT = 0.1
+RATES = np.array([0.02, -0.03, 0.025])
+
+
+def fly(
+    satellite: Satellite, torque: np.ndarray, disturbance: tuple[float, float, float] = (2e-5, -1e-5, 3e-5)
+) -> Course:
+    """The truth of one episode under motor torque (T - 1, n)."""
+    path = simulate(satellite, torque, DT, omega0=0.2 * RATES, wheel_speed0=np.full(3, 20.0), disturbance=disturbance)
+    tau = np.broadcast_to(disturbance, path.omega.shape)
+    return Course(
+        momentum=path.momentum[None],
+        rate=path.omega[None],
+        wheel_speed=path.wheel_speed[None],
+        inertia=path.inertia[None],
+        torque=tau[None],
+    )
+
+
+def square(satellite: Satellite, seconds: int, period: int = 6) -> np.ndarray:
+    """Staggered square wave of full motor torque."""
+    time = np.arange(round(seconds / DT)) * DT
+    phase = time[:, None] / period + np.arange(3) / 3.0 + 0.25
+    return np.where(np.mod(phase, 1.0) < 0.5, 1.0, -1.0) * satellite.wheels.max_torque
+
+
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+@pytest.mark.parametrize("walk", [0.0, 0.004])
+def test_posterior_bound_is_the_information_recursion(skewed: Satellite, parameters: str, walk: float) -> None:
+    satellite = skewed if parameters == "full" else SATELLITES["microsat"]
+    course = fly(satellite, 0.5 * square(satellite, 12))
+    briefing = brief(satellite, Scenario())
+    settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
+    model = _MomentumModel(settings, briefing)
+    theta = np.array([course.inertia[0, 0, i, j] for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]])[
+        : model.p
+    ]
+    spin = course.wheel_speed[0] @ model.spin.T
+
+    def state(k: int) -> np.ndarray:
+        return np.concatenate([course.momentum[0, k], theta, course.torque[0, k]])
+
+    told = brief(satellite.replace(name="truth"), Scenario())
+    assert np.array_equal(told.inertia, course.inertia[0, 0])  # prior mean is the truth, as the bound takes it
+    covariance = model.start(course.rate[0, 0], course.wheel_speed[0, 0])[1]
+    out = posterior_bound(course, briefing, settings, DT)[0]
+    information = np.linalg.inv(covariance)
+    for k in range(1, len(out)):
+        before, here = state(k - 1), state(k)
+        f = model.step_jacobian(before, spin[k - 1], spin[k], DT)
+        q = model.process_noise(before, spin[k - 1], DT, DT)
+        h, r = model.rate_jacobian(here, spin[k]), model.measurement_noise(here)
+        information = np.linalg.inv(q + f @ np.linalg.inv(information) @ f.T) + h.T @ np.linalg.solve(r, h)
+        block = slice(3, 3 + model.p)
+        np.testing.assert_allclose(out[k], np.linalg.inv(information)[block, block], rtol=1e-5)
+
+
+def test_information_of_a_sample_by_hand() -> None:
+    satellite = SATELLITES["cubesat"]
+    briefing = brief(satellite, Scenario())
+    inertia = np.diag([0.26, 0.26, 0.16])
+    found = sample_information(np.array([0.05, 0.05, 0.05]), inertia, briefing, 6)
+    # std of J omega about z: sqrt((1e-4 * 0.16)^2 + (1e-4 * 0.05)^2) = 1.676e-5; 0.05 over it, squared
+    assert found[2] == pytest.approx(0.05**2 / (2.56e-10 + 2.5e-11), rel=1e-12)
+    x = 0.05**2 / ((1e-4 * 0.26) ** 2 + 2.5e-11)
+    assert found[3] == pytest.approx(2.0 * x, rel=1e-12)
+
+
+def test_rate_cap_by_hand() -> None:
+    satellite = SATELLITES["cubesat"]
+    still = np.zeros((1, 40, 3))
+    inertia = np.broadcast_to(satellite.inertia, (1, 40, 3, 3))
+    course = Course(momentum=still, rate=still, wheel_speed=still, inertia=inertia, torque=still)
+    cap = rate_cap(course, satellite, DT)[0]
+    # 0.01 N m on 0.26 - 1e-4 kg m^2: 0.0385 rad/s after 1 s, at the limit of 0.05 after 1.3 s
+    assert cap[10, 0] == pytest.approx(0.01 / 0.2599, rel=1e-12)
+    assert cap[13, 0] == pytest.approx(0.05)
+    tight = Scenario(wheel_speed_scale=0.1).operate(satellite)
+    # 1e-4 kg m^2 at 46 rad/s: 4.6e-3 N m s, 0.0177 rad/s of 0.26 kg m^2
+    assert rate_cap(course, tight, DT)[0, -1, 0] == pytest.approx(4.6e-3 / 0.26)
+
+
+@pytest.mark.parametrize("walk", [0.0, 0.004])
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+def test_envelope_bound_is_below_the_posterior_bound(parameters: str, walk: float) -> None:
+    satellite = SATELLITES["microsat"]
+    settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
+    briefing = brief(satellite, Scenario())
+    for period, amplitude in ((4, 0.5), (8, 0.3), (12, 0.2)):
+        course = fly(satellite, amplitude * square(satellite, 30, period))
+        assert np.abs(course.rate).max() < satellite.rate_limit
+        posterior = posterior_bound(course, briefing, settings, DT)
+        least = envelope_bound(course, satellite, briefing, settings, DT)
+        assert (np.diagonal(posterior, axis1=2, axis2=3) >= least * (1 - 1e-9)).all()
+
+
+def swings(satellite: Satellite, commands: np.ndarray) -> Course:
+    """Truth of plans (N, B, 3): rates that go to each command as fast as torque allows, and stay a second.
+
+    The rates are given, so M follows from dM/dt = M x omega alone, and the wheels from a = M - J omega. Plans
+    that the wheels cannot fly are marked with NaN.
+    """
+    inertia, limit = np.diag(satellite.inertia), satellite.rate_limit
+    slew = DT * 0.9 * satellite.wheels.max_torque / inertia
+    count, blocks = commands.shape[:2]
+    rate = np.zeros((count, blocks * 10 + 1, 3))
+    momentum = np.zeros_like(rate)
+    for k in range(blocks * 10):
+        wanted = limit * np.clip(commands[:, k // 10], -1.0, 1.0)
+        rate[:, k + 1] = rate[:, k] + np.clip(wanted - rate[:, k], -slew, slew)
+        middle = 0.5 * (rate[:, k] + rate[:, k + 1])
+        half = momentum[:, k] + 0.5 * DT * np.cross(momentum[:, k], rate[:, k])
+        momentum[:, k + 1] = momentum[:, k] + DT * np.cross(half, middle)
+    speed = (momentum - inertia * rate) / satellite.wheels.inertia
+    motor = np.diff(satellite.wheels.inertia * (speed + rate), axis=1) / DT
+    flown = (np.abs(motor) <= satellite.wheels.max_torque).all((1, 2)) & (
+        np.abs(speed) <= satellite.wheels.max_speed
+    ).all((1, 2))
+    momentum[~flown] = np.nan
+    shape = (*rate.shape[:2], 3, 3)
+    return Course(
+        momentum=momentum,
+        rate=rate,
+        wheel_speed=speed,
+        inertia=np.broadcast_to(satellite.inertia, shape),
+        torque=np.zeros_like(rate),
+    )
+
+
+@pytest.mark.parametrize("name", ["cubesat", "smallsat"])
+@pytest.mark.parametrize("walk", [0.0, 0.004])
+def test_no_excitation_that_search_finds_beats_the_envelope_bound(name: str, walk: float) -> None:
+    """Cross-entropy search over rate plans of 30 s for the least final error of all."""
+    satellite = SATELLITES[name]
+    briefing, settings = brief(satellite, Scenario()), MomentumEKFSettings(inertia_walk=walk)
+    rng = np.random.default_rng(1)
+    mean, std, best = np.zeros((30, 3)), np.full((30, 3), 1.0), np.inf
+    first = swings(satellite, mean[None])
+    least = expected_bound(envelope_bound(first, satellite, briefing, settings, DT), first.inertia)[-1]
+    for _ in range(20):
+        plans = mean + std * rng.standard_normal((64, 30, 3))
+        course = swings(satellite, plans)
+        flown = np.isfinite(course.momentum).all((1, 2))
+        assert flown.sum() > 12
+        covariance = posterior_bound(course, briefing, settings, DT)[:, -1]
+        error = np.where(flown, np.trace(covariance, axis1=1, axis2=2), np.inf) / np.linalg.norm(satellite.inertia) ** 2
+        elite = plans[np.argsort(error)[:12]]
+        mean, std = elite.mean(axis=0), elite.std(axis=0) + 0.05
+        best = min(best, error.min())
+    assert least <= best < (1.1 if walk > 0.0 else 3.0) * least  # with forgetting the bound is nearly reached
