@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from baselines.greedy import GreedyPolicy
+from baselines.mpc import MPCPolicy
 from baselines.rate_square import RateSquarePolicy
 from baselines.scripted import ScriptedPolicy, staggered_square
 from baselines.simple import RandomPolicy, ZeroPolicy
@@ -26,10 +28,13 @@ BASELINES: dict[str, Callable[..., Policy]] = {
     **{name: functools.partial(ScriptedPolicy, name, profile) for name, profile in PROFILES.items()},
     "staggered_square": _staggered_square,
     "rate_square": RateSquarePolicy,
+    "greedy": functools.partial(GreedyPolicy, "greedy", 1),
+    "greedy_horizon": functools.partial(GreedyPolicy, "greedy_horizon", 8),
+    "mpc": MPCPolicy,
     "random": RandomPolicy,
     "zero": ZeroPolicy,
 }
-UNTUNED = ("random", "zero")  # they have no settings
+UNTUNED = ("greedy", "greedy_horizon", "mpc", "random", "zero")  # nothing that a sweep sets
 
 
 def build(name: str, settings: dict[str, float]) -> Policy:
