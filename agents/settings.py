@@ -33,7 +33,7 @@ class TrainSettings:
     """The world to train in."""
     control: Literal["rate", "torque"] = "rate"
     """What the network commands: body rates through the rate loop, or wheel torque at once."""
-    margin: float = 2.4
+    margin: float = 2.6
     """Of the rate loop, in standard deviations of one decision's noise."""
     reward: RewardSettings = field(default_factory=RewardSettings)
     """What pays in training."""

@@ -120,7 +120,6 @@ class Run:
         if not resume:
             write_json(folder / "run.json", head)
         self.model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-        self._saved, self._start = dict(self.seconds), time.perf_counter()
 
     def _new_model(self) -> ExcitationPPO:
         s = self.settings
@@ -156,13 +155,13 @@ class Run:
             total=self.settings.steps, initial=self.model.num_timesteps, unit=" decisions", unit_scale=True
         ) as bar:
             self._bar = bar
+            self._saved, self._start = dict(self.seconds), time.perf_counter()
             if not self.curve:
                 self._evaluate()
-            self._start = time.perf_counter()
-            self.env.seconds = self.model.update_seconds = 0.0
-            self._saved = dict(self.seconds)
             self.model.learn(left, callback=_Progress(bar), reset_num_timesteps=False, log_interval=10)
-            self._evaluate()
+            self._count_seconds()
+            if self.curve[-1]["steps"] != self.model.num_timesteps:
+                self._evaluate()
             self._save()
         self._report()
 

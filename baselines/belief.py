@@ -43,7 +43,8 @@ class Craft:
         """One row a mission."""
         satellites = [m.satellite for m in missions]
         wheels = [s.wheels for s in satellites]
-        impulse = [m.scenario.torque_noise * m.scenario.decision_period for m in missions]
+        worlds = [m.scenario for m in missions]
+        impulse = [w.torque_noise * w.sample_period * np.sqrt(w.samples) for w in worlds]
         return cls(
             rate_limit=np.array([[s.rate_limit] for s in satellites]),
             disturbance_std=np.array([[s.disturbance_std] for s in satellites]),

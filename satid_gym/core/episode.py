@@ -18,7 +18,7 @@ from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
 from satid_gym.core.records import MOMENTUM
 from satid_gym.core.reward import reward, spread
-from satid_gym.core.sensors import disturb_command, drive_motors, read_sensors, walk_gyro_bias
+from satid_gym.core.sensors import drive_motors, read_sensors, walk_gyro_bias
 
 NEXT_STEP, SAME_STEP, DISABLED, BEGIN = range(4)
 
@@ -34,7 +34,6 @@ def command(plant, task, work, report, action):
         effort += fraction * fraction / action.shape[0]
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
-    disturb_command(plant, work.torque)
     report.effort = effort
     report.information_gain = 0.0
     report.cost = 0.0

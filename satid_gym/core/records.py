@@ -190,7 +190,7 @@ def work_dtype(n: int, p: int, size: int) -> np.dtype:
     wide = max(size, 3)
     return np.dtype(
         [
-            ("torque", _F, n),  # commanded for the decision under way, noise included
+            ("torque", _F, n),  # commanded for the decision under way
             ("transition", _F, (wide, wide)),
             ("product", _F, (wide, wide)),
             ("regressor", _F, (3, p)),

@@ -27,18 +27,12 @@ def walk_gyro_bias(plant, dt):
 
 @inline
 def drive_motors(plant, torque, dt):
-    """First-order lag of the motors toward `torque` (n,), held within the torque limit.
+    """Motor torque of one sample period: `torque` (n,) with noise, held within the limit, behind a first-order lag.
 
     The discrete factor dt / (lag + dt) is the paper's; without lag the motor follows at once.
     """
     follow = dt / (plant.torque_lag + dt)
     for k in range(torque.shape[0]):
-        wanted = min(max(torque[k], -plant.torque_max[k]), plant.torque_max[k])
+        noisy = torque[k] + plant.torque_noise_std[k] * normal(plant.stream)
+        wanted = min(max(noisy, -plant.torque_max[k]), plant.torque_max[k])
         plant.motor_torque[k] += follow * (wanted - plant.motor_torque[k])
-
-
-@inline
-def disturb_command(plant, torque):
-    """Add the motor torque noise of one decision to `torque` (n,), in place."""
-    for k in range(torque.shape[0]):
-        torque[k] += plant.torque_noise_std[k] * normal(plant.stream)

@@ -1,0 +1,108 @@
+"""Learned policies: the network against torch, and files that are whole or refused."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+
+from agents.export import TOLERANCE, export, torch_network
+from agents.learned import LearnedPolicy, Network
+from agents.policies import find
+from baselines.rate_loop import RateLoop
+from satid_gym import SATELLITES
+from satid_gym.evaluation import fly, seeds
+from satid_gym.policy import missions
+from satid_gym.problem import problem
+
+SIZE = 37
+
+
+def network(seed: int = 0, outputs: int = 3, scale: float = 0.3) -> Network:
+    rng = np.random.default_rng(seed)
+    sizes = [SIZE, 16, 8, outputs]
+    weights = tuple((scale * rng.standard_normal((b, a))).astype(np.float32) for a, b in pairwise(sizes))
+    return Network(weights, tuple(rng.standard_normal(b).astype(np.float32) for b in sizes[1:]))
+
+
+def test_the_network_is_the_one_torch_computes():
+    net = network()
+    observations = np.random.default_rng(1).uniform(-10, 10, (50, SIZE)).astype(np.float32)
+    with torch.no_grad():
+        expected = torch_network(net)(torch.from_numpy(observations).double()).numpy()
+    np.testing.assert_allclose(np.clip(net(observations), -1, 1), expected, atol=1e-12)
+
+
+def test_a_saved_policy_acts_the_same(tmp_path):
+    policy = LearnedPolicy("one", network(), "rate", 2.4, {"note": "kept"})
+    policy.save(tmp_path / "one")
+    again = find(str(tmp_path / "one"))
+    observation = np.random.default_rng(2).uniform(-1, 1, (4, SIZE)).astype(np.float32)
+    np.testing.assert_array_equal(again.network(observation), policy.network(observation))
+    assert (again.name, again.control, again.margin, again.details) == ("one", "rate", 2.4, {"note": "kept"})
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["one.json", "one.safetensors"]
+
+
+def test_rate_commands_go_through_the_rate_loop():
+    (mission,) = missions(problem("microsat"))
+    policy = LearnedPolicy("rate", network(), "rate", 2.0)
+    policy.reset(mission, [0])
+    observation = np.random.default_rng(3).uniform(-0.5, 0.5, (6, SIZE)).astype(np.float32)
+    expected = RateLoop([mission], 2.0)(observation, policy.network(observation))
+    np.testing.assert_array_equal(policy(observation), expected)
+
+
+def test_torque_is_passed_on_and_cut():
+    (mission,) = missions(problem("microsat"))
+    policy = LearnedPolicy("torque", network(scale=3.0), "torque", 0.0)
+    policy.reset(mission, [0])
+    observation = np.random.default_rng(4).uniform(-1, 1, (6, SIZE)).astype(np.float32)
+    np.testing.assert_array_equal(policy(observation), np.clip(policy.network(observation), -1, 1))
+
+
+def test_it_flies_an_episode():
+    flight = fly(LearnedPolicy("any", network(), "rate", 2.4), satellite="cubesat", inertia="static", seeds=[1, 2])
+    assert flight.error.shape == (300, 2)
+
+
+def test_an_observation_of_another_size_is_refused():
+    wheels = SATELLITES["microsat"].wheels
+    (mission,) = missions(problem("microsat", estimator={"name": "momentum", "parameters": "full"}))
+    assert wheels.count == 3
+    with pytest.raises(ValueError, match="takes observations of 37 numbers"):
+        LearnedPolicy("small", network(), "rate", 2.4).reset(mission, seeds("test", 1))
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda t, j: t.write_bytes(t.read_bytes()[:40]), "holds no network"),
+        (lambda t, j: j.write_text(j.read_text()[:30]), "is not JSON"),
+        (lambda t, j: j.write_text(json.dumps({**json.loads(j.read_text()), "format": 99})), "format 1"),
+        (lambda t, j: t.unlink(), "no such file"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path, damage, message):
+    LearnedPolicy("x", network(), "rate", 2.4).save(tmp_path / "x")
+    damage(tmp_path / "x.safetensors", tmp_path / "x.json")
+    with pytest.raises(ValueError, match=message):
+        find(str(tmp_path / "x"))
+
+
+def test_networks_that_do_not_fit_or_are_not_finite_are_refused():
+    tensors = network().tensors()
+    with pytest.raises(ValueError, match="does not fit"):
+        Network.from_tensors({**tensors, "weight.1": np.zeros((8, 5), np.float32)})
+    with pytest.raises(ValueError, match="not finite"):
+        Network.from_tensors({**tensors, "bias.0": np.full(16, np.nan, np.float32)})
+    with pytest.raises(ValueError, match=r"weight\.i and bias\.i"):
+        Network.from_tensors({"weight.0": tensors["weight.0"]})
+
+
+def test_the_exported_network_equals_torch(tmp_path):
+    policy = LearnedPolicy("x", network(scale=2.0), "rate", 2.4)
+    difference, seconds = export(policy, tmp_path / "x.onnx")
+    assert difference <= TOLERANCE
+    assert 0.0 < seconds < 0.1
+    assert (tmp_path / "x.onnx").stat().st_size > 1000

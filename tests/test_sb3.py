@@ -1,0 +1,113 @@
+"""The adapter gives Stable-Baselines3 what the vector environment gives, as Stable-Baselines3 wants it."""
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from stable_baselines3 import PPO
+
+from satid_gym import SatInertiaIDVectorEnv
+from satid_gym.sb3 import SatInertiaIDVecEnv
+
+HORIZON = 7
+
+
+@pytest.fixture
+def adapter():
+    env = SatInertiaIDVecEnv(5, stagger=False, max_episode_steps=HORIZON)
+    yield env
+    env.close()
+
+
+def test_steps_equal_the_vector_environment(adapter):
+    vector = SatInertiaIDVectorEnv(5, max_episode_steps=HORIZON, autoreset_mode=AutoresetMode.SAME_STEP)
+    adapter.seed(3)
+    observations = adapter.reset()
+    expected, _ = vector.reset(seed=3)
+    np.testing.assert_array_equal(observations, expected)
+    rng = np.random.default_rng(0)
+    for _ in range(3 * HORIZON):
+        actions = rng.uniform(-1, 1, (5, 3)).astype(np.float32)
+        observations, rewards, dones, infos = adapter.step(actions)
+        expected, gained, terminated, truncated, vector_infos = vector.step(actions)
+        np.testing.assert_array_equal(observations, expected)
+        np.testing.assert_allclose(rewards, gained, rtol=1e-6)
+        np.testing.assert_array_equal(dones, terminated | truncated)
+        for i in np.flatnonzero(dones):
+            np.testing.assert_array_equal(infos[i]["terminal_observation"], vector_infos["final_obs"][i])
+        assert all(infos[i] == {} for i in np.flatnonzero(~dones))
+
+
+def test_the_last_info_sums_the_episode_up(adapter):
+    adapter.seed(0)
+    adapter.reset()
+    total = np.zeros(5)
+    for _ in range(HORIZON):
+        _, rewards, dones, infos = adapter.step(np.zeros((5, 3), np.float32))
+        total += rewards
+    assert dones.all()
+    for info, episode_return in zip(infos, total, strict=True):
+        assert info["episode"]["l"] == HORIZON
+        assert info["episode"]["r"] == pytest.approx(episode_return, rel=1e-5)
+        assert type(info["TimeLimit.truncated"]) is bool
+        assert 0.0 < info["relative_error"] < 1.0
+
+
+@pytest.mark.parametrize("bootstrap", [True, False])
+def test_the_horizon_is_a_time_limit_only_where_asked(bootstrap):
+    env = SatInertiaIDVecEnv(2, bootstrap=bootstrap, stagger=False, max_episode_steps=1)
+    env.reset()
+    _, _, dones, infos = env.step(np.zeros((2, 3), np.float32))
+    assert dones.all()
+    assert [info["TimeLimit.truncated"] for info in infos] == [bootstrap] * 2
+
+
+def test_observations_do_not_change_after_they_are_given(adapter):
+    first = adapter.reset()
+    kept = first.copy()
+    adapter.step(np.ones((5, 3), np.float32))
+    np.testing.assert_array_equal(first, kept)
+
+
+def test_staggered_episodes_end_at_different_steps():
+    env = SatInertiaIDVecEnv(10, max_episode_steps=10)
+    env.reset()
+    ends = [env.step(np.zeros((10, 3), np.float32))[2].sum() for _ in range(10)]
+    assert ends == [1] * 10
+
+
+def test_a_restored_state_goes_on_as_the_original(adapter):
+    adapter.seed(1)
+    adapter.reset()
+    actions = np.full((5, 3), 0.3, np.float32)
+    adapter.step(actions)
+    state = adapter.state()
+    twin = SatInertiaIDVecEnv(5, stagger=False, max_episode_steps=HORIZON)
+    twin.restore(state)
+    for _ in range(2 * HORIZON):
+        ours, theirs = adapter.step(actions), twin.step(actions)
+        np.testing.assert_array_equal(ours[0], theirs[0])
+        np.testing.assert_array_equal(ours[1], theirs[1])
+        assert [i.get("episode", {}).get("r") for i in ours[3]] == [i.get("episode", {}).get("r") for i in theirs[3]]
+
+
+def test_a_state_of_other_settings_is_refused(adapter):
+    other = SatInertiaIDVecEnv(4)
+    other.reset()
+    with pytest.raises(ValueError, match="other settings"):
+        adapter.restore(other.state())
+
+
+def test_what_compiled_environments_have_not_is_said(adapter):
+    with pytest.raises(NotImplementedError, match="make a new vector"):
+        adapter.set_attr("x", 1)
+    with pytest.raises(NotImplementedError, match="vector_env"):
+        adapter.env_method("reset")
+    with pytest.raises(RuntimeError, match="step_async"):
+        adapter.step_wait()
+    assert adapter.env_is_wrapped(object) == [False] * 5
+
+
+def test_ppo_learns_through_it():
+    model = PPO("MlpPolicy", SatInertiaIDVecEnv(8), n_steps=16, batch_size=64, n_epochs=1, device="cpu")
+    model.learn(256)
+    assert model.num_timesteps == 256

@@ -1,0 +1,112 @@
+"""Training: a stopped run goes on with the same result; bad settings are refused before anything starts."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from agents import train
+from agents.learned import LearnedPolicy
+from agents.settings import TrainSettings, named
+
+SMALL = {
+    "satellite": "microsat",
+    "num_envs": 16,
+    "rollout": 10,
+    "batch_size": 80,
+    "epochs": 2,
+    "hold": 4,
+    "evaluate_every": 160,
+    "evaluation_episodes": 2,
+    "hidden": (8,),
+}
+
+
+def run(folder, steps, *, resume=False):
+    # the schedule of the learning rate belongs to the whole run, so a stop is made by raising after an update
+    settings = TrainSettings.from_dict({**SMALL, "steps": 640})
+    task = train.Run(settings, folder, resume=resume, command="test")
+    if steps < 640:
+        after = task._after_update
+
+        def stop():
+            after()
+            if task.model.num_timesteps >= steps:
+                raise KeyboardInterrupt
+
+        task.model.after_update = stop
+        with pytest.raises(KeyboardInterrupt):
+            task.learn()
+    else:
+        task.learn()
+    task.env.close()
+    return {k: v.clone() for k, v in task.model.policy.state_dict().items()}
+
+
+def test_a_stopped_run_resumes_with_the_same_result(tmp_path):
+    whole = run(tmp_path / "whole", 640)
+    run(tmp_path / "stopped", 320)
+    resumed = run(tmp_path / "stopped", 640, resume=True)
+    for name, tensor in whole.items():
+        assert torch.equal(tensor, resumed[name]), name
+    curves = [(tmp_path / f / "curve.csv").read_text().splitlines() for f in ("whole", "stopped")]
+    without_seconds = [[line.split(",")[:1] + line.split(",")[2:] for line in c] for c in curves]
+    assert without_seconds[0] == without_seconds[1]
+    assert [line.split(",")[0] for line in curves[0]] == ["steps", "0", "160", "320", "480", "640"]
+
+
+def test_the_run_folder_tells_how_it_came_about(tmp_path):
+    run(tmp_path / "r", 640)
+    head = json.loads((tmp_path / "r" / "run.json").read_text())
+    assert TrainSettings.from_dict(head["settings"]) == TrainSettings.from_dict({**SMALL, "steps": 640})
+    assert head["command"] == "test"
+    assert "torch" in head["versions"]
+    policy = LearnedPolicy.load(tmp_path / "r" / "policy")
+    assert policy.details["trained"]["settings"]["hidden"] == [8]
+    timing = json.loads((tmp_path / "r" / "timing.json").read_text())
+    parts = ("environment", "update", "evaluation", "rollout")
+    assert sum(timing["seconds"][p] for p in parts) == pytest.approx(timing["seconds"]["total"])
+
+
+def test_a_folder_in_use_and_a_folder_without_a_run_are_refused(tmp_path):
+    run(tmp_path / "r", 640)
+    with pytest.raises(ValueError, match="add --resume"):
+        run(tmp_path / "r", 640)
+    with pytest.raises(ValueError, match="no checkpoint"):
+        run(tmp_path / "none", 640, resume=True)
+
+
+@pytest.mark.parametrize("keep", [0, 100, 5000])
+def test_a_damaged_checkpoint_is_refused(tmp_path, keep):
+    run(tmp_path / "r", 640)
+    path = tmp_path / "r" / "checkpoint.npz"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(ValueError, match="not a whole checkpoint"):
+        run(tmp_path / "r", 640, resume=True)
+
+
+def test_settings_are_checked():
+    with pytest.raises(ValueError, match="batch_size must divide"):
+        TrainSettings(batch_size=7)
+    with pytest.raises(ValueError, match="unknown satellite 'cube'"):
+        TrainSettings(satellite="cube")
+    with pytest.raises(ValueError, match=r"unknown training setting 'step'.*'steps'"):
+        TrainSettings.from_dict({"step": 1})
+    with pytest.raises(ValueError, match="unknown training settings"):
+        named("nothing")
+    assert named("generalist").wheel_scales == (1.0, 0.1)
+
+
+@pytest.mark.parametrize("arguments", [["--satellite", "moon"], ["--resume"], ["--settings", "none"]])
+def test_the_command_line_ends_with_one_line(arguments):
+    with pytest.raises(SystemExit) as error:
+        train.main(arguments)
+    assert str(error.value).startswith("agents.train: ")
+    assert "\n" not in str(error.value)
+
+
+def test_better_policies_have_lower_merit():
+    row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005}
+    assert train.merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
+    assert train.merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * train.merit([row]))
