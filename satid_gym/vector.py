@@ -186,13 +186,16 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs} of them, got {len(seeds)}")
         first = not self._generators
+        # all of them before any is kept: a seed that is refused leaves the others as they were
+        fresh = {
+            i: seeding.np_random(seed)[0] for i, seed in enumerate(seeds) if first or (mask[i] and seed is not None)
+        }
         if first:
-            self._generators = [np.random.default_rng() for _ in range(self.num_envs)]
-        for i in range(self.num_envs):
-            if first or (mask[i] and seeds[i] is not None):
-                self._seeds[i] = seeds[i]
-                self._generators[i] = seeding.np_random(seeds[i])[0]
-                self._plants["stream"][i] = seed_stream(self._generators[i])
+            self._generators = [fresh[i] for i in range(self.num_envs)]
+        for i, generator in fresh.items():
+            self._seeds[i] = seeds[i]
+            self._generators[i] = generator
+            self._plants["stream"][i] = seed_stream(generator)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Take one decision in every environment.
