@@ -4,6 +4,7 @@ State layout, stated once: [M, theta, tau] in momentum coordinates, [omega, thet
 theta = (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz), body frame, SI units.
 """
 
+from satid_gym.estimators import least_squares
 from satid_gym.estimators.compiled import FilterRun, MomentumEKF, RateEKF
 from satid_gym.estimators.protocol import Estimator
 from satid_gym.estimators.reference import FilterpyMomentumEKF, FilterpyMomentumUKF, FilterpyRateEKF
@@ -14,6 +15,7 @@ from satid_gym.estimators.settings import (
     brief,
     estimator_settings,
 )
+from satid_gym.estimators.smoother import MomentumSmoother
 
 __all__ = [
     "Briefing",
@@ -24,8 +26,10 @@ __all__ = [
     "FilterpyRateEKF",
     "MomentumEKF",
     "MomentumEKFSettings",
+    "MomentumSmoother",
     "RateEKF",
     "RateEKFSettings",
     "brief",
     "estimator_settings",
+    "least_squares",
 ]

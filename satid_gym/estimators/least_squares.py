@@ -1,0 +1,217 @@
+"""Batch estimators of a constant inertia from a whole record of gyro and wheel speeds.
+
+`differentiated` is the paper's: Euler's equation with a numerical derivative of the rates. The others use the
+conservation of momentum and differentiate nothing. With C the attitude (body to inertial) that the gyro
+gives, a = A j Omega and J omega = L(omega) theta, the momentum in inertial space stays what it was:
+
+    L(omega_k) theta + a_k = C_k^T M_0  [+ C_k^T (integral of C dt) tau]
+
+`momentum_form` solves that as it stands, by linear least squares; gyro noise in L(omega) biases it toward zero
+by the noise-to-signal ratio of the rates. `instrumental_variable` removes the bias with rates of the
+neighbouring samples, which share the motion but not the noise. `output_error` minimises the distance between
+measured and predicted rates, J^-1 (C^T M_0 - a), which is maximum likelihood where the gyro's noise dominates.
+All return a physical tensor, or raise where the data do not identify one.
+Source: Ljung, System Identification (1999), ch. 7; Soderstrom, Automatica 43(6), 2007 (errors in variables).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from satid_gym.config import check_number, real_array, unknown_name
+from satid_gym.estimators.reference import tensor
+from satid_gym.estimators.regression import InertiaFit, NotIdentifiedError, Regression
+from satid_gym.estimators.settings import PARAMETER_COUNT, Briefing, Parameters, inertia_parameters
+
+__all__ = [
+    "InertiaFit",
+    "NotIdentifiedError",
+    "differentiated",
+    "instrumental_variable",
+    "momentum_form",
+    "output_error",
+]
+
+
+def differentiated(
+    briefing: Briefing,
+    gyro: np.ndarray,
+    wheel_speed: np.ndarray,
+    dt: float,
+    *,
+    parameters: Parameters = "principal",
+    wheel_acceleration: np.ndarray | None = None,
+    huber_scale: float = 1.0,
+) -> InertiaFit:
+    """The paper's least squares: central differences, bounded trust region, Huber loss.
+
+    Minimises J^-1 (J domega/dt + omega x (J omega + a) + A j alpha). The difference over two sample periods
+    costs accuracy wherever the torque changes from one sample to the next.
+
+    Args:
+        briefing: wheels and data sheets; its inertia is the start of the search.
+        gyro: (N, 3) rad/s.
+        wheel_speed: (N, n) rad/s.
+        dt: s between readings.
+        parameters: "principal" or "full".
+        wheel_acceleration: (N, n) rad/s^2 at the readings, as the motors' drive reports it; central differences
+            of the wheel speeds where None, which cancels most of the error of those of the rates.
+        huber_scale: rad/s^2, residual from which on the loss is linear.
+
+    Raises:
+        NotIdentifiedError: the data do not identify the inertia about some axis; the message says which.
+        ValueError: a shape or a value is wrong.
+    """
+    gyro, wheel_speed, dt = _readings(briefing, gyro, wheel_speed, dt, parameters)
+    spin = briefing.wheels.axes * briefing.wheels.inertia
+    if wheel_acceleration is None:
+        acceleration = np.gradient(wheel_speed, dt, axis=0)
+    else:
+        acceleration = real_array("wheel_acceleration", wheel_acceleration, wheel_speed.shape)
+    derivative = np.gradient(gyro, dt, axis=0)
+    regress = _regressor(gyro, parameters)
+    design = _regressor(derivative, parameters) + np.cross(gyro[:, :, None], regress, axis=1)
+    target = -np.cross(gyro, wheel_speed @ spin.T) - acceleration @ spin.T
+    halved = 0.5 / dt**2  # variance of a central difference over that of a sample
+    rows = _regression(briefing, design, target, parameters, halved)
+    return rows.nonlinear(np.eye(3), "huber", check_number("huber_scale", huber_scale, strict=True))
+
+
+def momentum_form(
+    briefing: Briefing,
+    gyro: np.ndarray,
+    wheel_speed: np.ndarray,
+    dt: float,
+    *,
+    parameters: Parameters = "principal",
+    constant_torque: bool = False,
+) -> InertiaFit:
+    """Conservation of momentum, solved by linear least squares.
+
+    Args:
+        briefing: wheels and data sheets; its inertia weights the axes against each other.
+        gyro: (N, 3) rad/s.
+        wheel_speed: (N, n) rad/s.
+        dt: s between readings; the error of the attitude goes with the square of the angle turned in it.
+        parameters: "principal" or "full".
+        constant_torque: whether an unknown external torque, constant in the body frame, is estimated as well.
+
+    Raises:
+        NotIdentifiedError: the data do not identify the inertia about some axis; the message says which.
+        ValueError: a shape or a value is wrong.
+    """
+    return _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque).linear()
+
+
+def instrumental_variable(
+    briefing: Briefing,
+    gyro: np.ndarray,
+    wheel_speed: np.ndarray,
+    dt: float,
+    *,
+    parameters: Parameters = "principal",
+    constant_torque: bool = False,
+) -> InertiaFit:
+    """`momentum_form` with the mean rate of the two neighbouring samples as the instrument.
+
+    Consistent under white gyro noise, however strong. It needs motion that lasts for several samples.
+    Arguments and errors are those of `momentum_form`.
+    """
+    rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
+    gyro = real_array("gyro", gyro)
+    inner = dataclasses.replace(rows, design=rows.design[1:-1], target=rows.target[1:-1])
+    instruments = inner.design.copy()
+    instruments[:, :, : inner.count] = _regressor(0.5 * (gyro[:-2] + gyro[2:]), parameters)
+    return inner.instrumental(instruments)
+
+
+def output_error(
+    briefing: Briefing,
+    gyro: np.ndarray,
+    wheel_speed: np.ndarray,
+    dt: float,
+    *,
+    parameters: Parameters = "principal",
+    constant_torque: bool = False,
+) -> InertiaFit:
+    """Least distance between measured rates and those that wheel speeds and momentum predict.
+
+    Arguments and errors are those of `momentum_form`.
+    """
+    rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
+    flexibility = np.linalg.inv(tensor(rows.start))
+    weight = np.linalg.inv(np.linalg.cholesky(flexibility @ rows.noise @ flexibility))
+    return rows.nonlinear(weight, "linear")
+
+
+def _readings(
+    briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float, parameters: Parameters
+) -> tuple[np.ndarray, np.ndarray, float]:
+    if parameters not in PARAMETER_COUNT:
+        raise unknown_name("inertia parameters", parameters, PARAMETER_COUNT)
+    gyro = real_array("gyro", gyro)
+    least = PARAMETER_COUNT[parameters] + 3
+    if gyro.ndim != 2 or gyro.shape[1] != 3 or len(gyro) < least:
+        raise ValueError(f"gyro must have shape (N, 3) with N >= {least}, got {gyro.shape}")
+    wheel_speed = real_array("wheel_speed", wheel_speed, (len(gyro), briefing.wheels.count))
+    return gyro, wheel_speed, check_number("dt", dt, strict=True)
+
+
+def _regressor(omega: np.ndarray, parameters: Parameters) -> np.ndarray:
+    """L (N, 3, p) of rates (N, 3): J omega = L(omega) theta."""
+    units = np.array([tensor(unit) for unit in np.eye(PARAMETER_COUNT[parameters])])
+    return np.einsum("pij,nj->nip", units, omega)
+
+
+def _regression(
+    briefing: Briefing, design: np.ndarray, target: np.ndarray, parameters: Parameters, variance: float = 1.0
+) -> Regression:
+    """Rows whose noise is that of J0 omega + a at one reading, times `variance`."""
+    wheels = briefing.wheels
+    start = inertia_parameters(briefing.inertia, parameters)
+    inertia = tensor(start)
+    spin = wheels.axes * wheels.inertia
+    noise = inertia @ inertia * briefing.gyro_noise_std**2 + spin @ spin.T * briefing.tachometer_noise_std**2
+    return Regression(
+        design=design,
+        target=target,
+        noise=variance * noise,
+        start=start,
+        scale=briefing.theta_scale(parameters),
+        parameters=parameters,
+    )
+
+
+def _momentum_regression(
+    briefing: Briefing,
+    gyro: np.ndarray,
+    wheel_speed: np.ndarray,
+    dt: float,
+    parameters: Parameters,
+    constant_torque: bool,
+) -> Regression:
+    """Rows of the conservation of momentum; nuisances M_0, and tau where asked for."""
+    gyro, wheel_speed, dt = _readings(briefing, gyro, wheel_speed, dt, parameters)
+    wheels = briefing.wheels
+    attitude = _attitude(gyro, dt)
+    to_body = attitude.transpose(0, 2, 1)
+    columns = [_regressor(gyro, parameters), -to_body]
+    if constant_torque:
+        impulse = np.zeros_like(attitude)
+        impulse[1:] = np.cumsum(0.5 * dt * (attitude[1:] + attitude[:-1]), axis=0)
+        columns.append(-to_body @ impulse)
+    target = -(wheel_speed * wheels.inertia) @ wheels.axes.T
+    return _regression(briefing, np.concatenate(columns, axis=2), target, parameters)
+
+
+def _attitude(gyro: np.ndarray, dt: float) -> np.ndarray:
+    """C (N, 3, 3), body to the frame of the first reading, from the mean rate of each interval."""
+    turns = Rotation.from_rotvec(0.5 * dt * (gyro[1:] + gyro[:-1])).as_matrix()
+    attitude = np.empty((len(gyro), 3, 3))
+    attitude[0] = np.eye(3)
+    for k, turn in enumerate(turns):
+        attitude[k + 1] = attitude[k] @ turn
+    return attitude

@@ -1,0 +1,99 @@
+"""MomentumSmoother: the MomentumEKF run forward, then corrected backward by all that was measured later.
+
+Rauch-Tung-Striebel, with the filter's own prediction m-, P- and Jacobian F from reading k to k + 1:
+
+    G = P_k F^T (P-)^-1,  m_k += G (m_{k+1} - m-),  P_k += G (P_{k+1} - P-) G^T
+
+For analysis after the fact: at reading k it knows the readings that follow.
+Source: Rauch, Tung, Striebel, AIAA Journal 3(8), 1965; Sarkka, Bayesian Filtering and Smoothing (2013), ch. 9.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg
+
+from satid_gym.config import check_number, real_array
+from satid_gym.core import kernels
+from satid_gym.estimators.belief import new_belief, new_work
+from satid_gym.estimators.compiled import FilterRun, MomentumEKF
+from satid_gym.estimators.settings import Briefing, MomentumEKFSettings
+
+
+class MomentumSmoother:
+    """Fixed-interval smoother of the MomentumEKF.
+
+    Args:
+        **settings: fields of `MomentumEKFSettings`.
+    """
+
+    def __init__(self, **settings: object) -> None:
+        self.settings = MomentumEKFSettings.from_dict(settings)
+
+    def run(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float) -> FilterRun:
+        """Smooth a whole series of readings.
+
+        Args:
+            briefing: what is known before.
+            gyro: (N, 3) rad/s.
+            wheel_speed: (N, n) rad/s.
+            dt: s between readings.
+
+        Returns:
+            Smoothed mean and covariance; `nis` and `guarded` are the filter's.
+
+        Raises:
+            ValueError: a shape or a value is wrong.
+        """
+        forward = MomentumEKF(**self.settings.to_dict()).run(briefing, gyro, wheel_speed, dt)
+        return self.correct(forward, briefing, wheel_speed, dt)
+
+    def correct(self, forward: FilterRun, briefing: Briefing, wheel_speed: np.ndarray, dt: float) -> FilterRun:
+        """Smooth what a MomentumEKF of the same settings has filtered; arguments are those of `run`."""
+        wheel_speed = real_array("wheel_speed", wheel_speed, (len(forward.mean), briefing.wheels.count))
+        transition = _Transition(briefing, self.settings, check_number("dt", dt, strict=True))
+        mean, covariance = forward.mean.copy(), forward.covariance.copy()
+        for k in range(len(mean) - 2, -1, -1):
+            ahead, spread, jacobian = transition(mean[k], covariance[k], wheel_speed[k], wheel_speed[k + 1])
+            gain = _divide(covariance[k] @ jacobian.T, spread)
+            mean[k] += gain @ (mean[k + 1] - ahead)
+            corrected = covariance[k] + gain @ (covariance[k + 1] - spread) @ gain.T
+            covariance[k] = 0.5 * (corrected + corrected.T)
+        return dataclasses.replace(forward, mean=mean, covariance=covariance)
+
+
+class _Transition:
+    """The compiled filter's prediction between two readings, with its Jacobian."""
+
+    def __init__(self, briefing: Briefing, settings: MomentumEKFSettings, dt: float) -> None:
+        # The filter leaves the Jacobian of its last substep only, so its substeps are taken one by one here;
+        # its tachometer noise counts for the whole of dt, which the factor makes up for.
+        self.steps, self.h = settings.substeps, dt / settings.substeps
+        self.rows, self.work = new_belief(briefing, settings), new_work(briefing.wheels.count, settings)
+        self.rows["substeps"] = 1
+        self.rows["wheel_momentum_covariance"] *= self.steps
+        self.spin = briefing.wheels.axes * briefing.wheels.inertia
+
+    def __call__(
+        self, mean: np.ndarray, covariance: np.ndarray, before: np.ndarray, after: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Predicted mean, covariance and Jacobian (size, size), from wheel speeds `before` to `after` (n,)."""
+        row = self.rows[0]
+        row["mean"], row["covariance"] = mean, covariance
+        row["wheel_input"][:3] = self.spin @ before
+        jacobian = np.eye(len(mean))
+        for step in range(1, self.steps + 1):
+            kernels.predict_filter(self.rows, self.work, before + (after - before) * step / self.steps, self.h)
+            jacobian[:3] = self.work["transition"][0, :3] @ jacobian
+        return row["mean"].copy(), row["covariance"].copy(), jacobian
+
+
+def _divide(matrix: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """matrix covariance^-1, by way of the correlation; a state without variance is certain and gets no gain."""
+    std = np.sqrt(np.diag(covariance))
+    certain = std == 0.0
+    std = np.where(certain, 1.0, std)
+    correlation = covariance / np.outer(std, std) + np.diag(certain.astype(float))
+    return scipy.linalg.cho_solve(scipy.linalg.cho_factor(correlation), (matrix / std).T).T / std
