@@ -1,0 +1,66 @@
+"""What all figures share: colours that colour-blind readers can tell apart, names, and how they are saved.
+
+Palette: Okabe and Ito, Color Universal Design (2008).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+AXES = ("x", "y", "z")
+AXIS_COLOURS = ("#0072B2", "#D55E00", "#009E73")
+AXIS_STYLES = ("-", "--", ":")
+METHOD_COLOURS = {
+    "ls": "#E69F00",
+    "ekf": "#D55E00",
+    "momentum_ls": "#009E73",
+    "output_error": "#CC79A7",
+    "momentum_ekf": "#0072B2",
+    "momentum_rts": "#56B4E9",
+}
+TITLES = {
+    "cubesat": "CubeSat",
+    "microsat": "Microsat",
+    "smallsat": "SmallSat",
+    "static": "static",
+    "step": "step",
+    "drift": "drift",
+    "periodic": "periodic",
+    "one_step": "one step",
+    "multi_step": "multi step",
+    "sawtooth": "sawtooth",
+    "sine": "sine",
+    "multi_sine": "multi sine",
+    "prbs": "PRBS",
+    "chirp": "chirp",
+    "sine_3axis": "sine 3-axis",
+}
+
+plt.rcParams.update(
+    {
+        "font.size": 9,
+        "axes.titlesize": 10,
+        "axes.grid": True,
+        "grid.alpha": 0.3,
+        "axes.axisbelow": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "figure.constrained_layout.use": True,
+    }
+)
+
+
+def save(figure: Figure, folder: Path, name: str) -> None:
+    """Write `name`.png and `name`.pdf and forget the figure; the files hold no date, so that equal runs agree."""
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
+    figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
+    plt.close(figure)
