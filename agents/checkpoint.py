@@ -53,7 +53,7 @@ def load(path: Path, model: PPO, env: RateCommandVecEnv) -> dict[str, Any]:
         with np.load(path, allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
         head = json.loads(arrays["head"].tobytes())
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (EOFError, OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path} is not a whole checkpoint ({error}); delete it and start the run again") from error
     try:
         env.restore(_under(arrays, "env."))

@@ -1,6 +1,7 @@
 """Training: a stopped run goes on with the same result; bad settings are refused before anything starts."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -44,46 +45,55 @@ def run(folder, steps, *, resume=False):
     return {k: v.clone() for k, v in task.model.policy.state_dict().items()}
 
 
-def test_a_stopped_run_resumes_with_the_same_result(tmp_path):
-    whole = run(tmp_path / "whole", 640)
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A run that went to its end: its folder and its network."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    return folder, run(folder, 640)
+
+
+@pytest.fixture
+def copy(finished, tmp_path):
+    return shutil.copytree(finished[0], tmp_path / "copy")
+
+
+def test_a_stopped_run_resumes_with_the_same_result(finished, tmp_path):
+    folder, whole = finished
     run(tmp_path / "stopped", 320)
     resumed = run(tmp_path / "stopped", 640, resume=True)
     for name, tensor in whole.items():
         assert torch.equal(tensor, resumed[name]), name
-    curves = [(tmp_path / f / "curve.csv").read_text().splitlines() for f in ("whole", "stopped")]
+    curves = [(f / "curve.csv").read_text().splitlines() for f in (folder, tmp_path / "stopped")]
     without_seconds = [[line.split(",")[:1] + line.split(",")[2:] for line in c] for c in curves]
     assert without_seconds[0] == without_seconds[1]
     assert [line.split(",")[0] for line in curves[0]] == ["steps", "0", "160", "320", "480", "640"]
 
 
-def test_the_run_folder_tells_how_it_came_about(tmp_path):
-    run(tmp_path / "r", 640)
-    head = json.loads((tmp_path / "r" / "run.json").read_text())
+def test_the_run_folder_tells_how_it_came_about(copy):
+    head = json.loads((copy / "run.json").read_text())
     assert TrainSettings.from_dict(head["settings"]) == TrainSettings.from_dict({**SMALL, "steps": 640})
     assert head["command"] == "test"
     assert "torch" in head["versions"]
-    policy = LearnedPolicy.load(tmp_path / "r" / "policy")
+    policy = LearnedPolicy.load(copy / "policy")
     assert policy.details["trained"]["settings"]["hidden"] == [8]
-    timing = json.loads((tmp_path / "r" / "timing.json").read_text())
+    timing = json.loads((copy / "timing.json").read_text())
     parts = ("environment", "update", "evaluation", "rollout")
     assert sum(timing["seconds"][p] for p in parts) == pytest.approx(timing["seconds"]["total"])
 
 
-def test_a_folder_in_use_and_a_folder_without_a_run_are_refused(tmp_path):
-    run(tmp_path / "r", 640)
+def test_a_folder_in_use_and_a_folder_without_a_run_are_refused(copy, tmp_path):
     with pytest.raises(ValueError, match="add --resume"):
-        run(tmp_path / "r", 640)
+        run(copy, 640)
     with pytest.raises(ValueError, match="no checkpoint"):
         run(tmp_path / "none", 640, resume=True)
 
 
 @pytest.mark.parametrize("keep", [0, 100, 5000])
-def test_a_damaged_checkpoint_is_refused(tmp_path, keep):
-    run(tmp_path / "r", 640)
-    path = tmp_path / "r" / "checkpoint.npz"
+def test_a_damaged_checkpoint_is_refused(copy, keep):
+    path = copy / "checkpoint.npz"
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(ValueError, match="not a whole checkpoint"):
-        run(tmp_path / "r", 640, resume=True)
+        run(copy, 640, resume=True)
 
 
 def test_settings_are_checked():
