@@ -384,6 +384,47 @@ def test_equals_the_textbook_while_wheels_saturate(name, mode, request):
     np.testing.assert_allclose(flight.wheel_speed, expected[:, 3 : 3 + wheels.count], rtol=0, atol=1e-6)
 
 
+# The default step, in intervals of a second
+
+
+@pytest.fixture(scope="module")
+def heavy_wheels() -> dict[str, tuple[Trajectory, Trajectory]]:
+    """Two minutes with the wheels at 0.8 of their limit, by default and in 40 times as many steps."""
+    flights = {}
+    for name, satellite in SATELLITES.items():
+        start = {"omega0": (0.01, -0.02, 0.015), "wheel_speed0": 0.8 * satellite.wheels.max_speed * [1.0, -1.0, 1.0]}
+        torque = square_wave(satellite, 120, 0.3)
+        flights[name] = (
+            simulate(satellite, torque, 1.0, **start),
+            simulate(satellite, torque, 1.0, **start, substeps=400),
+        )
+    return flights
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="ten Runge-Kutta steps a second: cubesat 1.8e-8, microsat 1.9e-7, smallsat 1.3e-7 rad/s",
+)
+@pytest.mark.parametrize("name", SATELLITES)
+def test_default_substeps_are_good_for_1e8_rad_per_s(name, heavy_wheels):
+    default, fine = heavy_wheels[name]
+    assert np.abs(default.omega - fine.omega).max() < 1e-8
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="M is integrated in the turning frame: a tumble at 0.2 rad/s and more lets |M| drift by 2e-10 to 5e-7",
+)
+@pytest.mark.parametrize("name", SATELLITES)
+def test_default_substeps_conserve_momentum(name):
+    satellite = SATELLITES[name]
+    flight = simulate(satellite, square_wave(satellite, 300, 1.0), 1.0, omega0=(0.01, -0.02, 0.015))
+    size = np.linalg.norm(flight.momentum, axis=1)
+    assert np.abs(size / size[0] - 1.0).max() < 1e-10
+
+
 # Limits
 
 
