@@ -76,7 +76,7 @@ def differentiated(
     design = _regressor(derivative, parameters) + np.cross(gyro[:, :, None], regress, axis=1)
     target = -np.cross(gyro, wheel_speed @ spin.T) - acceleration @ spin.T
     halved = 0.5 / dt**2  # variance of a central difference over that of a sample
-    rows = _regression(briefing, design, target, parameters, halved)
+    rows = _regression(briefing, design, target, parameters, dt, noise_factor=halved)
     return rows.nonlinear(np.eye(3), "huber", check_number("huber_scale", huber_scale, strict=True))
 
 
@@ -121,8 +121,9 @@ def instrumental_variable(
     Arguments and errors are those of `momentum_form`.
     """
     rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
-    gyro = real_array("gyro", gyro)
-    inner = dataclasses.replace(rows, design=rows.design[1:-1], target=rows.target[1:-1])
+    gyro, attitude = real_array("gyro", gyro), rows.attitude
+    assert attitude is not None
+    inner = dataclasses.replace(rows, design=rows.design[1:-1], target=rows.target[1:-1], attitude=attitude[1:-1])
     instruments = inner.design.copy()
     instruments[:, :, : inner.count] = _regressor(0.5 * (gyro[:-2] + gyro[2:]), parameters)
     return inner.instrumental(instruments)
@@ -143,7 +144,7 @@ def output_error(
     """
     rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
     flexibility = np.linalg.inv(tensor(rows.start))
-    weight = np.linalg.inv(np.linalg.cholesky(flexibility @ rows.noise @ flexibility))
+    weight = np.linalg.inv(np.linalg.cholesky(flexibility @ rows.noise(rows.start) @ flexibility))
     return rows.nonlinear(weight, "linear")
 
 
@@ -167,21 +168,29 @@ def _regressor(omega: np.ndarray, parameters: Parameters) -> np.ndarray:
 
 
 def _regression(
-    briefing: Briefing, design: np.ndarray, target: np.ndarray, parameters: Parameters, variance: float = 1.0
+    briefing: Briefing,
+    design: np.ndarray,
+    target: np.ndarray,
+    parameters: Parameters,
+    dt: float,
+    *,
+    noise_factor: float = 1.0,
+    attitude: np.ndarray | None = None,
 ) -> Regression:
-    """Rows whose noise is that of J0 omega + a at one reading, times `variance`."""
+    """Rows with the noise of the briefing's sensors."""
     wheels = briefing.wheels
-    start = inertia_parameters(briefing.inertia, parameters)
-    inertia = tensor(start)
     spin = wheels.axes * wheels.inertia
-    noise = inertia @ inertia * briefing.gyro_noise_std**2 + spin @ spin.T * briefing.tachometer_noise_std**2
     return Regression(
         design=design,
         target=target,
-        noise=variance * noise,
-        start=start,
+        start=inertia_parameters(briefing.inertia, parameters),
         scale=briefing.theta_scale(parameters),
         parameters=parameters,
+        gyro_noise_std=briefing.gyro_noise_std,
+        wheel_noise=spin @ spin.T * briefing.tachometer_noise_std**2,
+        noise_factor=noise_factor,
+        dt=dt,
+        attitude=attitude,
     )
 
 
@@ -204,7 +213,7 @@ def _momentum_regression(
         impulse[1:] = np.cumsum(0.5 * dt * (attitude[1:] + attitude[:-1]), axis=0)
         columns.append(-to_body @ impulse)
     target = -(wheel_speed * wheels.inertia) @ wheels.axes.T
-    return _regression(briefing, np.concatenate(columns, axis=2), target, parameters)
+    return _regression(briefing, np.concatenate(columns, axis=2), target, parameters, dt, attitude=attitude)
 
 
 def _attitude(gyro: np.ndarray, dt: float) -> np.ndarray:

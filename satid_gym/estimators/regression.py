@@ -67,30 +67,44 @@ class Regression:
     Attributes:
         design: (N, 3, p + q); q nuisance parameters come last.
         target: (N, 3).
-        noise: (3, 3) covariance of a row.
         start: (p,) prior mean of theta, kg m^2.
         scale: (p,) size of its parameters, kg m^2.
         parameters: "principal" or "full".
+        gyro_noise_std: rad/s, of a reading.
+        wheel_noise: (3, 3) covariance of A j Omega, from the tachometers.
+        noise_factor: noise variance of a row over that of J omega + A j Omega at one reading.
+        dt: s between readings.
+        attitude: (N, 3, 3) C of each row, where the nuisances are the momentum in inertial space; None else.
     """
 
     design: np.ndarray
     target: np.ndarray
-    noise: np.ndarray
     start: np.ndarray
     scale: np.ndarray
     parameters: Parameters
+    gyro_noise_std: float
+    wheel_noise: np.ndarray
+    noise_factor: float
+    dt: float
+    attitude: np.ndarray | None = None
 
     @property
     def count(self) -> int:
         """p."""
         return PARAMETER_COUNT[self.parameters]
 
+    def noise(self, theta: np.ndarray) -> np.ndarray:
+        """Covariance (3, 3) of a row."""
+        inertia = tensor(theta)
+        return self.noise_factor * (self.gyro_noise_std**2 * inertia @ inertia + self.wheel_noise)
+
     def linear(self) -> InertiaFit:
         """Weighted least squares."""
         spectrum = self._spectrum(LEAST_SIGNAL)
         design, target = self._rows(self.design), self._rows(self.target[..., None])[:, 0]
-        estimate = np.linalg.lstsq(design, target, rcond=None)[0]
-        return self._conclude(estimate, design, target, np.linalg.pinv(design), spectrum)
+        return self._fit(
+            np.linalg.lstsq(design, target, rcond=None)[0], self._per_row(np.linalg.pinv(design)), spectrum
+        )
 
     def instrumental(self, instruments: np.ndarray) -> InertiaFit:
         """Solution of Z^T (design x - target) = 0.
@@ -107,7 +121,7 @@ class Regression:
             raise NotIdentifiedError(
                 "the instruments do not follow the motion, so they identify nothing; sample faster or move slower"
             ) from error
-        return self._conclude(inverse @ target, design, target, inverse, spectrum)
+        return self._fit(inverse @ target, self._per_row(inverse), spectrum)
 
     def nonlinear(self, weight: np.ndarray, loss: Literal["linear", "huber"], loss_scale: float = 1.0) -> InertiaFit:
         """Minimum of the residual J^-1 (design x - target), in units of rate or of its derivative.
@@ -119,7 +133,7 @@ class Regression:
             loss: "linear" for squares, "huber" for squares that turn linear.
             loss_scale: weighted residual at which they do.
         """
-        rank, condition = self._spectrum(LEAST_SIGNAL)
+        spectrum = self._spectrum(LEAST_SIGNAL)
         p = self.count
         residual, jacobian = self._residual(weight)
         low, high = factor_bounds(p)
@@ -139,21 +153,10 @@ class Regression:
             gtol=1e-15,
         )
         theta = from_factor(result.x[:p])
-        jac = jacobian(result.x)
-        jac[:, :p] = jac[:, :p] @ np.linalg.inv(factor_jacobian(result.x[:p]))
-        errors = residual(result.x)
-        weights = 1.0 if loss == "linear" else np.minimum(1.0, loss_scale / np.maximum(np.abs(errors), 1e-300))
-        variance = np.sum(weights * errors**2) / (len(errors) - len(result.x))
-        covariance = variance * np.linalg.inv(jac.T @ jac)[:p, :p]
-        self._check_std(covariance)
-        rows = self._rows((self.design @ np.concatenate([theta, result.x[p:]]) - self.target)[..., None])
-        return InertiaFit(
-            theta=theta,
-            covariance=covariance,
-            rank=rank,
-            condition=condition,
-            residual_std=float(np.sqrt(np.sum(rows**2) / (len(rows) - len(result.x)))),
-        )
+        slope = jacobian(result.x)
+        slope[:, :p] = slope[:, :p] @ np.linalg.inv(factor_jacobian(result.x[:p]))
+        inverse = np.linalg.pinv(slope).reshape(slope.shape[1], -1, 3) @ weight @ np.linalg.inv(tensor(theta))
+        return self._fit(np.concatenate([theta, result.x[p:]]), inverse, spectrum)
 
     def _residual(
         self, weight: np.ndarray
@@ -181,9 +184,9 @@ class Regression:
 
         return residual, jacobian
 
-    def _rows(self, values: np.ndarray) -> np.ndarray:
-        """(N, 3, m) as (3 N, m) rows of unit noise."""
-        root = np.linalg.cholesky(self.noise)
+    def _rows(self, values: np.ndarray, theta: np.ndarray | None = None) -> np.ndarray:
+        """(N, 3, m) as (3 N, m) rows of unit noise, for the inertia theta (p,), by default the prior one."""
+        root = np.linalg.cholesky(self.noise(self.start if theta is None else theta))
         return np.linalg.solve(root, values).reshape(-1, values.shape[2])
 
     def _spectrum(self, least_signal: float) -> tuple[int, float]:
@@ -210,26 +213,39 @@ class Regression:
             )
         return int(np.sum(values > numeric)), float(values[0] / values[-1])
 
-    def _conclude(
-        self,
-        estimate: np.ndarray,
-        design: np.ndarray,
-        target: np.ndarray,
-        inverse: np.ndarray,
-        spectrum: tuple[int, float],
-    ) -> InertiaFit:
-        """Fit of a linear estimate x = inverse (p + q, 3 N) target, made physical."""
-        errors = design @ estimate - target
-        variance = float(errors @ errors) / (len(errors) - len(estimate))
-        spread = (inverse @ inverse.T)[: self.count, : self.count]
+    def _per_row(self, inverse: np.ndarray) -> np.ndarray:
+        """(p + q, N, 3) of an inverse (p + q, 3 N) for rows of unit noise."""
+        return inverse.reshape(len(inverse), -1, 3) @ np.linalg.inv(np.linalg.cholesky(self.noise(self.start)))
+
+    def _fit(self, x: np.ndarray, inverse: np.ndarray, spectrum: tuple[int, float]) -> InertiaFit:
+        """Fit of unknowns x (p + q,) that follow the rows by `inverse` (p + q, N, 3), made physical."""
+        errors = self._rows((self.design @ x - self.target)[..., None], x[: self.count])
+        variance = float(np.sum(errors**2)) / (len(errors) - len(x))
+        spread = self._spread(x, inverse[: self.count])
         self._check_std(variance * spread)
         return InertiaFit(
-            theta=nearest_physical(estimate[: self.count], np.linalg.inv(spread)),
+            theta=nearest_physical(x[: self.count], np.linalg.inv(spread)),
             covariance=variance * spread,
             rank=spectrum[0],
             condition=spectrum[1],
             residual_std=float(np.sqrt(variance)),
         )
+
+    def _spread(self, x: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of theta under the noise of the data sheets, by its gain (p, N, 3) on the rows.
+
+        A gyro's noise n_j enters row j as J n_j and turns the attitude of every later row k by C_k^T C_j n_j dt,
+        which moves that row by the momentum it carries, m_k = C_k^T M, crossed with the turn.
+        """
+        if self.attitude is None:
+            return np.einsum("pki,ij,qkj->pq", gain, self.noise(x[: self.count]), gain)
+        momentum = -self.design[:, :, self.count :] @ x[self.count :]
+        crossed = np.cross(gain, momentum)  # g [m x] = -(m x g) = g x m
+        inertial = np.einsum("pki,kji->pkj", crossed, self.attitude)
+        later = np.cumsum(inertial[:, ::-1], axis=1)[:, ::-1]
+        response = gain @ tensor(x[: self.count]) - self.dt * np.einsum("pkj,kji->pki", later, self.attitude)
+        gyro = self.gyro_noise_std**2 * np.einsum("pki,qki->pq", response, response)
+        return gyro + np.einsum("pki,ij,qkj->pq", gain, self.wheel_noise, gain)
 
     def _check_std(self, covariance: np.ndarray) -> None:
         std = np.sqrt(np.diag(covariance)) / self.scale
