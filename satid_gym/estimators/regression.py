@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg
 import scipy.optimize
 
+from satid_gym.estimators.inertia_fit import InertiaFit, NotIdentifiedError
 from satid_gym.estimators.reference import tensor
 from satid_gym.estimators.second_moment import (
     factor_bounds,
@@ -30,34 +31,6 @@ from satid_gym.estimators.settings import PARAMETER_COUNT, Parameters
 NAMES = ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz")
 LEAST_SIGNAL = 3.0  # rms of a regressor over its noise; below it that noise biases least squares by 10 %
 MOST_STD = 0.25  # of a parameter relative to its prior scale; beyond it the data have not identified it
-
-
-class NotIdentifiedError(ValueError):
-    """The data say too little about some combination of the inertia parameters."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class InertiaFit:
-    """A batch estimate of a constant inertia.
-
-    Attributes:
-        theta: (p,) kg m^2, body frame; physical.
-        covariance: (p, p) of theta, from the scatter of the residuals; the physical constraint is not in it.
-        rank: how many combinations of theta the data determine numerically; always p.
-        condition: of the design, in units of noise and of the prior inertia, nuisances projected out.
-        residual_std: of the residuals, in units of what the sensors' data sheets predict.
-    """
-
-    theta: np.ndarray
-    covariance: np.ndarray
-    rank: int
-    condition: float
-    residual_std: float
-
-    @property
-    def inertia(self) -> np.ndarray:
-        """(3, 3) kg m^2."""
-        return tensor(self.theta)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
