@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from baselines.paper.figure_style import METHOD_COLOURS, TITLES, save
-from baselines.paper.methods import METHODS
+from baselines.paper.methods import METHODS, PAPER_METHODS
 from baselines.paper.summary import MODES, Cell, Table
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import SATELLITES
@@ -20,7 +20,6 @@ from satid_gym.satellite import SATELLITES
 LOWEST = 1e-5  # %, where the logarithmic axes begin
 STATIC_METHODS = ("ls", "ekf", "momentum_ls", "momentum_ekf")
 VARYING_METHODS = ("ls", "ekf", "momentum_ekf", "momentum_rts")
-PAPER_METHODS = ("ls", "ekf")
 
 
 def draw(folder: Path, found: Sequence[Cell]) -> None:

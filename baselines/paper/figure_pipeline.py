@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from baselines.paper.figure_style import AXES, AXIS_COLOURS, AXIS_STYLES, METHOD_COLOURS, TITLES, save
 from baselines.paper.flight import Flight, fly
-from baselines.paper.methods import METHODS, Estimate, estimate
+from baselines.paper.methods import METHODS, OUR_METHODS, PAPER_METHODS, Estimate, estimate
 from baselines.paper.study import relative_error
 from satid_gym import metrics
 from satid_gym.satellite import SATELLITES
@@ -101,7 +101,8 @@ def _tracking(panel: Axes, flight: Flight, found: dict[str, Estimate], axis: int
 def _errors(panel: Axes, flight: Flight, found: Sequence[dict[str, Estimate]]) -> None:
     """Error over the last 20 %, mean and standard deviation over the seeds."""
     truth = np.diagonal(flight.inertia, axis1=2, axis2=3)
-    for place, method in enumerate(METHODS):
+    shown = (*PAPER_METHODS, *OUR_METHODS)
+    for place, method in enumerate(shown):
         errors = [
             100.0 * metrics.final_error(relative_error(estimated[method].inertia, truth[:, row])[1:])
             for row, estimated in enumerate(found)
@@ -109,7 +110,7 @@ def _errors(panel: Axes, flight: Flight, found: Sequence[dict[str, Estimate]]) -
         mean, std = float(np.mean(errors)), float(np.std(errors, ddof=min(1, len(errors) - 1)))
         panel.barh(place, mean, xerr=std, color=METHOD_COLOURS[method], ecolor="0.3", capsize=2)
         panel.text(1.15 * (mean + std), place, f"{mean:.2g} %", va="center", fontsize=8)
-    panel.set_yticks(range(len(METHODS)), METHODS.values())
+    panel.set_yticks(range(len(shown)), [METHODS[method] for method in shown])
     panel.invert_yaxis()
     panel.set_xscale("log")
     panel.set_xlim(1e-3, 20.0)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from statistics import fmean
 
 from baselines.paper.figure_style import TITLES
 from baselines.paper.methods import METHODS, OUR_METHODS, PAPER_METHODS
 from baselines.paper.published import published
 from baselines.paper.summary import MODES, Cell, Table
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import SATELLITES
 
@@ -23,9 +25,18 @@ def markdown(header: Row, rows: Sequence[Row], left: int) -> str:
 
 def number(percent: float) -> str:
     """Three digits, and no more than four decimals."""
-    if math.isnan(percent):
-        return "not identified"
-    return f"{percent:.2f}" if percent >= 0.995 else f"{percent:.3f}" if percent >= 0.0995 else f"{percent:.4f}"
+    return "not identified" if math.isnan(percent) else f"{percent:.{_decimals(percent)}f}"
+
+
+def _decimals(percent: float) -> int:
+    return 2 if percent >= 0.995 else 3 if percent >= 0.0995 else 4
+
+
+def _spread(cell: Cell) -> str:
+    """Mean and standard deviation to the same decimals."""
+    if math.isnan(cell.mean):
+        return number(cell.mean)
+    return f"{number(cell.mean)} ± {cell.std:.{_decimals(cell.mean)}f}"
 
 
 def static_table(found: Sequence[Cell]) -> str:
@@ -49,6 +60,18 @@ def dynamic_table(found: Sequence[Cell], satellite: str, plant: str) -> str:
         for profile in PROFILES
     ]
     return markdown(["inertia", "profile", *_header(ours)], rows, 2)
+
+
+def record_table(found: Sequence[Cell]) -> str:
+    """Mean error over the whole flight, averaged over profiles: filter against smoother."""
+    table = Table(found)
+    methods = ("ekf", "momentum_ekf", "momentum_rts")
+    rows = []
+    for mode in INERTIA_MODES:
+        for satellite in SATELLITES:
+            mean = {m: fmean(table(p, satellite, mode, m).record_mean for p in PROFILES) for m in methods}
+            rows.append([TITLES[mode], TITLES[satellite], *_bold(mean, {m: number(x) for m, x in mean.items()})])
+    return markdown(["inertia", "satellite", *(METHODS[method] for method in methods)], rows, 2)
 
 
 def condition_table(found: Sequence[Cell]) -> str:
@@ -82,11 +105,12 @@ def _row(table: Table, profile: str, satellite: str, mode: str, plant: str, ours
     for methods in (PAPER_METHODS, ours):
         cells = {method: table(profile, satellite, mode, method, plant) for method in methods}
         means = {method: cell.mean for method, cell in cells.items()}
-        blocks.append(_bold(means, {m: f"{number(c.mean)} ± {number(c.std)}" for m, c in cells.items()}))
+        blocks.append(_bold(means, {method: _spread(cell) for method, cell in cells.items()}))
     return [text for block in blocks for text in block]
 
 
 def _bold(values: Mapping[str, float], texts: Mapping[str, str]) -> Row:
-    """Texts in order, the best in bold."""
-    least = min((value for value in values.values() if not math.isnan(value)), default=math.nan)
-    return [f"**{texts[name]}**" if values[name] == least else texts[name] for name in texts]
+    """Texts in order, the best in bold, and with it those that print the same number."""
+    known = [value for value in values.values() if not math.isnan(value)]
+    best = number(min(known)) if known else ""
+    return [f"**{text}**" if number(values[name]) == best else text for name, text in texts.items()]
