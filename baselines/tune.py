@@ -31,7 +31,7 @@ HOPELESS = 0.3  # beyond this share more amplitude is not tried: it only leads f
 AMPLITUDES = np.geomspace(0.002, 1.0, 28).round(5).tolist()  # of the torque limit
 STAGGERED_PERIODS = [6.0, 12.0, 24.0, 36.0, 60.0, 120.0]  # s
 RATE_PERIODS = [4.0, 6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 60.0, 84.0]  # s
-MARGINS = [3.0, 2.5, 2.0]  # standard deviations
+MARGINS = [3.0, 2.75, 2.5, 2.25, 2.0]  # standard deviations
 
 Settings = dict[str, float]
 
