@@ -10,6 +10,7 @@ from typing import Any
 
 from baselines.greedy import GreedyPolicy
 from baselines.mpc import MPCPolicy
+from baselines.open_loop_optimal import OpenLoopOptimalPolicy
 from baselines.rate_square import RateSquarePolicy
 from baselines.scripted import ScriptedPolicy, staggered_square
 from baselines.simple import RandomPolicy, ZeroPolicy
@@ -27,6 +28,7 @@ def _staggered_square(amplitude: float, period: float) -> ScriptedPolicy:
 BASELINES: dict[str, Callable[..., Policy]] = {
     **{name: functools.partial(ScriptedPolicy, name, profile) for name, profile in PROFILES.items()},
     "staggered_square": _staggered_square,
+    "open_loop_optimal": OpenLoopOptimalPolicy,
     "rate_square": RateSquarePolicy,
     "greedy": functools.partial(GreedyPolicy, "greedy", 1),
     "greedy_horizon": functools.partial(GreedyPolicy, "greedy_horizon", 8),
@@ -34,7 +36,7 @@ BASELINES: dict[str, Callable[..., Policy]] = {
     "random": RandomPolicy,
     "zero": ZeroPolicy,
 }
-UNTUNED = ("greedy", "greedy_horizon", "mpc", "random", "zero")  # nothing that a sweep sets
+UNTUNED = ("open_loop_optimal", "greedy", "greedy_horizon", "mpc", "random", "zero")  # no sweep sets them
 
 
 def build(name: str, settings: dict[str, float]) -> Policy:

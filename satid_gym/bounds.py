@@ -5,9 +5,10 @@ Posterior bound: Tichavsky's recursion for the MomentumEKF's model along true tr
     I' = (Q + F I^-1 F^T)^-1 + H^T R^-1 H,
 
 F, H, Q and R at the true state. It is the filter's own Riccati equation with the truth in the place of the
-estimate, so the core's filter computes it. The expectation over episodes is taken of theta's information.
-(By Jensen's inequality Tichavsky's bound for the whole population is not above that, and the mean of the
-episodes' bounds not below; between episodes of one satellite and one policy the three lie close together.)
+estimate, so the core's filter computes it for each episode. Two averages over episodes: `population_bound`
+takes the mean of theta's information, which is never below Tichavsky's bound for the whole population; the
+mean of `episode_bounds` is by Jensen's inequality not below that, and is what an efficient filter reaches, for
+it knows from its readings how much each episode tells. They differ where episodes tell differently much.
 
 Envelope bound: what no excitation can beat that keeps to the rate, torque and wheel speed limits. Given M, the
 disturbance and all other parameters exactly, one sample tells about parameter j of theta
@@ -181,20 +182,56 @@ def sample_information(cap: np.ndarray, inertia: np.ndarray, briefing: Briefing,
     return np.stack(parts, axis=-1)
 
 
-def expected_bound(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Least mean square (T,) over episodes of the relative error of the inertia (the paper's norm ratio).
+def population_bound(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Least mean square (T,) over the episodes of the relative error of the inertia (the paper's norm ratio).
 
     Args:
         covariance: (N, T, p, p) bounds on theta's covariance, or (N, T, p) on its variances.
         inertia: (N, T, 3, 3) truth.
     """
+    relative = _relative(covariance, inertia)
+    return np.linalg.inv(np.linalg.inv(relative).mean(axis=0)).trace(axis1=1, axis2=2)
+
+
+def episode_bounds(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """The same (N, T) for each episode by itself; their mean is what an efficient filter reaches."""
+    return _relative(covariance, inertia).trace(axis1=2, axis2=3)
+
+
+def _relative(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Covariance (N, T, p, p) of the entries of J over its norm."""
     p = covariance.shape[2]
     if covariance.ndim == 3:
         covariance = covariance[..., None] * np.eye(p)
     size = np.linalg.norm(inertia, axis=(2, 3))[..., None, None]
     weight = np.sqrt(np.repeat([1.0, 2.0], (3, p - 3)))  # a product of inertia stands twice in the tensor
-    relative = covariance * (weight[:, None] * weight) / size**2
-    return np.linalg.inv(np.linalg.inv(relative).mean(axis=0)).trace(axis1=1, axis2=2)
+    return covariance * (weight[:, None] * weight) / size**2
+
+
+def ideal_error(
+    course: Course, satellite: Satellite, briefing: Briefing, settings: MomentumEKFSettings, dt: float
+) -> np.ndarray:
+    """Mean square error (N, T, p) of a given filter if every sample told as much as the envelope allows.
+
+    Not a bound: what its tuning leaves of the envelope bound for the true course of the inertia. The filter's
+    gain is that of its own Riccati equation; the error is the noise it lets through and its lag, squared.
+    """
+    theta = inertia_parameters(course.inertia, settings.parameters)
+    information = sample_information(rate_cap(course, satellite, dt), course.inertia, briefing, theta.shape[2])
+    believed = np.broadcast_to(briefing.prior_theta_std(settings.parameters) ** 2, theta[:, 0].shape)
+    walk = (settings.inertia_walk * briefing.theta_scale(settings.parameters)) ** 2 * dt
+    lag = inertia_parameters(briefing.inertia, settings.parameters) - theta[:, 0]
+    noise = np.zeros_like(lag)
+    out = np.empty_like(theta)
+    for k in range(theta.shape[1]):
+        if k > 0:
+            believed = believed + walk
+            lag = lag + theta[:, k - 1] - theta[:, k]
+        told = believed * information[:, k]
+        believed, lag = believed / (1.0 + told), lag / (1.0 + told)
+        noise = (noise / (1.0 + told) + believed * told) / (1.0 + told)
+        out[:, k] = noise + lag**2
+    return out
 
 
 def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:

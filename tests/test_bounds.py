@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from satid_gym import SATELLITES, simulate
-from satid_gym.bounds import Course, envelope_bound, expected_bound, posterior_bound, rate_cap, sample_information
+from satid_gym.bounds import Course, envelope_bound, population_bound, posterior_bound, rate_cap, sample_information
 from satid_gym.estimators import MomentumEKFSettings, brief
 from satid_gym.estimators.reference import _MomentumModel
 from satid_gym.satellite import Satellite
@@ -150,7 +150,7 @@ def test_no_excitation_that_search_finds_beats_the_envelope_bound(name: str, wal
     rng = np.random.default_rng(1)
     mean, std, best = np.zeros((30, 3)), np.full((30, 3), 1.0), np.inf
     first = swings(satellite, mean[None])
-    least = expected_bound(envelope_bound(first, satellite, briefing, settings, DT), first.inertia)[-1]
+    least = population_bound(envelope_bound(first, satellite, briefing, settings, DT), first.inertia)[-1]
     for _ in range(20):
         plans = mean + std * rng.standard_normal((64, 30, 3))
         course = swings(satellite, plans)

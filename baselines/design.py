@@ -1,0 +1,155 @@
+"""Open-loop D-optimal design by the cross-entropy method: `python -m baselines.design`.
+
+Plans are judged on the nominal satellite by the posterior bound's mean log det over the flight: what the
+default filter would know. Then the share of the rate limit to aim at is chosen on the tuning seeds by the
+rule of `python -m baselines.tune`, for an open loop has to leave room for motor noise and unknown inertia.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from baselines.open_loop_optimal import DESIGNS, OpenLoopOptimalPolicy, planned_rates
+from baselines.provenance import command, revision, versions, write_json
+from baselines.tune import Trial, attempt, best
+from satid_gym.bounds import Course, posterior_bound
+from satid_gym.estimators.settings import MomentumEKFSettings, brief
+from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario import SCENARIOS, Scenario
+
+FRACTIONS = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]  # of the rate limit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """How to search, and where to keep what is found."""
+
+    population: int = 64
+    """Plans tried in a round."""
+    elite: int = 10
+    """Best plans, from which the next round is drawn."""
+    rounds: int = 25
+    """How many rounds."""
+    reversals: int = 40
+    """Most reversals of an axis."""
+    fraction: float = 0.5
+    """Share of the rate limit that the plans aim at while they are designed."""
+    seed: int = 0
+    """Of the search."""
+    episodes: int = 100
+    """Tuning episodes that judge a share of the rate limit."""
+    scenarios: tuple[str, ...] = tuple(SCENARIOS)
+    """Scenarios to design for."""
+    satellites: tuple[str, ...] = tuple(SATELLITES)
+    """Satellites to design for."""
+    output: Path = DESIGNS
+    """JSON file that the policy reads."""
+
+
+def nominal_course(rates: np.ndarray, satellite: Satellite, samples: int) -> Course:
+    """Truth of the nominal satellite with rates (N, D + 1, 3) at the decisions' edges and zero momentum."""
+    ramp = np.arange(samples)[:, None] / samples
+    between = rates[:, :-1, None] + ramp * np.diff(rates, axis=1)[:, :, None]
+    fine = np.concatenate([between.reshape(len(rates), -1, 3), rates[:, -1:]], axis=1)
+    wheels = satellite.wheels
+    still = np.zeros_like(fine)
+    return Course(
+        momentum=still,
+        rate=fine,
+        wheel_speed=-fine @ satellite.inertia @ np.linalg.pinv(wheels.axes).T / wheels.inertia,
+        inertia=np.broadcast_to(satellite.inertia, (*fine.shape, 3)),
+        torque=still,
+    )
+
+
+def information(dwell: np.ndarray, satellite: Satellite, scenario: Scenario, fraction: float) -> np.ndarray:
+    """Nats that the default filter knows of the nominal satellite's inertia more than before launch.
+
+    Mean over the flight of 1/2 log(det P of the prior / det P), (N,) for plans (N, 3, K).
+    """
+    briefing, settings = brief(satellite, scenario), MomentumEKFSettings()
+    operated = scenario.operate(satellite)
+    rates = planned_rates(dwell, operated, fraction, scenario.decisions, scenario.decision_period)
+    course = nominal_course(rates, operated, scenario.samples)
+    covariance = posterior_bound(course, briefing, settings, scenario.sample_period)
+    prior = 2.0 * np.log(briefing.prior_theta_std("principal")).sum()
+    return 0.5 * (prior - np.linalg.slogdet(covariance)[1].mean(axis=1))
+
+
+def search(satellite: Satellite, scenario: Scenario, design: Design) -> tuple[np.ndarray, float]:
+    """Best plan (3, K) found, and its information, nats."""
+    rng = np.random.default_rng(design.seed)
+    shape = (3, design.reversals)
+    mean, std = np.full(shape, np.log(15.0)), np.full(shape, 0.6)  # of the logarithm of a dwell
+    found: tuple[np.ndarray, float] = (np.ones(shape), -np.inf)
+    for _ in range(design.rounds):
+        logs = mean + std * rng.standard_normal((design.population, *shape))
+        dwell = np.maximum(np.round(np.exp(logs)), 1.0)
+        value = information(dwell, satellite, scenario, design.fraction)
+        order = np.argsort(-value)[: design.elite]
+        mean, std = logs[order].mean(axis=0), logs[order].std(axis=0) + 0.02
+        if value[order[0]] > found[1]:
+            found = dwell[order[0]], float(value[order[0]])
+    return found
+
+
+def fit(dwell: list[list[int]], satellite: Satellite, scenario: str, episodes: int) -> Trial:
+    """The share of the rate limit that the rule of tuning chooses for a plan."""
+    cell = {"satellite": satellite, "inertia": "random", "seeds": seeds("tuning", episodes)}
+    trials = []
+    for fraction in FRACTIONS:
+        policy = OpenLoopOptimalPolicy(dwell, fraction)
+        scores = fly(policy, scenario=benchmark_scenario(scenario), **cell).scores()  # type: ignore[arg-type]
+        error, outside = float(scores["final_error"].mean()), float(scores["outside_fraction"].mean())
+        trials.append(Trial(settings={"fraction": fraction}, final_error=error, outside_fraction=outside))
+    return best(trials, attempt("zero", {}, satellite, scenario, episodes=episodes).outside_fraction)
+
+
+def run(design: Design) -> dict[str, Any]:
+    """Design and fit everything: the contents of the JSON file."""
+    entries = []
+    cells = [(scenario, satellite) for scenario in design.scenarios for satellite in design.satellites]
+    for scenario, satellite in tqdm(cells, desc="designing", unit="plan"):
+        plan, value = search(SATELLITES[satellite], SCENARIOS[scenario], design)
+        last = np.searchsorted(np.cumsum(plan, axis=1).min(axis=0), SCENARIOS[scenario].decisions)
+        dwell = plan[:, : last + 1].astype(int).tolist()
+        chosen = fit(dwell, SATELLITES[satellite], scenario, design.episodes)
+        entries.append(
+            {
+                "satellite": satellite,
+                "scenario": scenario,
+                "information_nats": value,
+                **chosen.settings,
+                "final_error": chosen.final_error,
+                "outside_fraction": chosen.outside_fraction,
+                "inside": chosen.inside,
+                "dwell": dwell,
+            }
+        )
+    return {
+        "command": command("baselines.design"),
+        "revision": revision(),
+        "versions": versions(),
+        "settings": {**dataclasses.asdict(design), "output": design.output.name},
+        "entries": entries,
+    }
+
+
+if __name__ == "__main__":
+    settings = tyro.cli(Design, description=__doc__)
+    results = run(settings)
+    write_json(settings.output, results)
+    for entry in results["entries"]:
+        print(
+            f"{entry['scenario']:8s} {entry['satellite']:9s} {entry['information_nats']:.2f} nats, rates up to "
+            f"{entry['fraction']:.0%} of the limit: final error {100 * entry['final_error']:.2f} %, "
+            f"outside {100 * entry['outside_fraction']:.1f} % of the time"
+        )

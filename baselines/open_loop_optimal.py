@@ -1,0 +1,121 @@
+"""Open-loop D-optimal excitation: a torque script designed before the flight for the nominal satellite.
+
+A plan says how long each axis keeps its rate between reversals. The nominal satellite starts at rest, wheels
+too, so its total momentum is zero, nothing is gyroscopic, and rates follow from torque axis by axis. Plans
+come from `python -m baselines.design`, which keeps them in open_loop_optimal.json.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from satid_gym.config import check_number
+from satid_gym.policy import Kind, Mission
+from satid_gym.profiles import wheel_torque
+from satid_gym.satellite import Satellite
+
+DESIGNS = Path(__file__).with_name("open_loop_optimal.json")
+_RESERVE = 0.95  # of torque and of wheel momentum that a plan uses
+
+
+def planned_rates(
+    dwell: np.ndarray, satellite: Satellite, fraction: float, decisions: int, period: float
+) -> np.ndarray:
+    """Body rates of plans.
+
+    Args:
+        dwell: (..., 3, K) decisions that an axis goes toward one side before it reverses; after the last it stays.
+        satellite: nominal, with its limits.
+        fraction: of the rate limit that is aimed at, less where the wheels cannot store it.
+        decisions: how many.
+        period: of a decision, s.
+
+    Returns:
+        (..., decisions + 1, 3) rad/s at the decisions' edges, linear between.
+    """
+    wheels, inertia = satellite.wheels, np.abs(satellite.inertia)
+    strength = 1.0 / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # body torque about every axis at once
+    stored = _RESERVE * strength * (wheels.inertia * wheels.max_speed).min() / inertia.sum(axis=0)
+    slew = _RESERVE * strength * wheels.max_torque.min() * period / inertia.sum(axis=0)
+    cap = np.minimum(fraction * satellite.rate_limit, stored)
+    edges = np.cumsum(dwell, axis=-1)
+    rates = np.zeros((*dwell.shape[:-2], decisions + 1, 3))
+    for d in range(decisions):
+        side = 1.0 - 2.0 * np.mod((edges <= d).sum(axis=-1), 2)
+        rates[..., d + 1, :] = rates[..., d, :] + np.clip(side * cap - rates[..., d, :], -slew, slew)
+    return rates
+
+
+class OpenLoopOptimalPolicy:
+    """Plays the script designed for the satellite and scenario, whatever is observed.
+
+    Args:
+        dwell: plan, see `planned_rates`, rows of any length; None for the stored one.
+        fraction: of the rate limit that is aimed at; None for the stored one.
+
+    Raises:
+        ValueError: the fraction is not within (0, 1].
+    """
+
+    name = "open_loop_optimal"
+    kind: Kind = "scripted"
+
+    def __init__(self, dwell: Sequence[Sequence[int]] | None = None, fraction: float | None = None) -> None:
+        self.dwell = dwell
+        self.fraction = None if fraction is None else check_number("fraction", fraction, strict=True, high=1.0)
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        """Write the script.
+
+        Raises:
+            ValueError: nothing was designed for the satellite in the scenario.
+        """
+        satellite, period = mission.satellite, mission.scenario.decision_period
+        dwell, fraction = self.dwell, self.fraction
+        if dwell is None or fraction is None:
+            design = design_of(satellite.name, mission.scenario.name)
+            dwell, fraction = dwell or design["dwell"], fraction or design["fraction"]
+        rates = planned_rates(_pad(dwell), satellite, fraction, mission.scenario.decisions, period)
+        loose = satellite.inertia - satellite.wheels.carried_inertia
+        torque = wheel_torque(np.diff(rates, axis=0) @ loose / period, satellite.wheels)
+        self._script = np.clip(torque / satellite.wheels.max_torque, -1.0, 1.0)
+        self._decision = 0
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, n) of the present decision, the same for all episodes."""
+        action = self._script[self._decision]
+        self._decision += 1
+        return np.broadcast_to(action, (len(observation), len(action)))
+
+
+def design_of(satellite: str, scenario: str) -> dict[str, Any]:
+    """The stored design of a satellite in a scenario.
+
+    Raises:
+        ValueError: there is none.
+    """
+    designs = _designs()
+    if (satellite, scenario) not in designs:
+        raise ValueError(
+            f"no open-loop design for satellite {satellite!r} in scenario {scenario!r}, only for {sorted(designs)}; "
+            "python -m baselines.design makes them"
+        )
+    return designs[satellite, scenario]
+
+
+def _pad(dwell: Sequence[Sequence[int]]) -> np.ndarray:
+    """(3, K) of rows of different lengths; what is missing never comes."""
+    longest = max(map(len, dwell))
+    return np.array([[*row, *[np.inf] * (longest - len(row))] for row in dwell])
+
+
+@functools.cache
+def _designs() -> dict[tuple[str, str], dict[str, Any]]:
+    entries = json.loads(DESIGNS.read_text(encoding="utf-8"))["entries"]
+    return {(entry["satellite"], entry["scenario"]): entry for entry in entries}
