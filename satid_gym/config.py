@@ -74,6 +74,10 @@ class Config:
         for name in values:
             if name not in valid:
                 raise unknown_name(f"setting of {cls.__name__}", name, valid)
+        optional = (dataclasses.MISSING, dataclasses.MISSING)
+        for f in dataclasses.fields(cls):  # type: ignore[arg-type]
+            if f.name not in values and (f.default, f.default_factory) == optional:
+                raise ValueError(f"{cls.__name__} needs a value for {f.name!r}")
         return cls(**values)
 
     def replace(self, **changes: Any) -> Self:

@@ -171,7 +171,8 @@ where positive |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", or a `Scenario` |
     | estimator | "momentum" | "momentum", "rate", their settings, or any object that follows `Estimator` |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
-    | max_episode_steps | 300 | horizon in decisions |
+    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
+`scenario={"horizon": seconds}` |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
 
@@ -260,7 +261,8 @@ where positive |
             gymnasium.error.ResetNeeded: the episode is over or was never started.
             FloatingPointError: the filter's covariance broke.
         """
-        action = np.asarray(action, dtype=np.float32)
+        with np.errstate(over="ignore"):  # what overflows is infinite, and refused below
+            action = np.asarray(action, dtype=np.float32)
         if action.shape != self.action_space.shape:
             raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
         if not np.isfinite(action).all():

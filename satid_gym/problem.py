@@ -120,7 +120,7 @@ def _scenario(value: ScenarioLike) -> Scenario:
         if base in SCENARIOS:
             return SCENARIOS[base].replace(**value)
         return Scenario.from_dict(value)
-    if value not in SCENARIOS:
+    if not isinstance(value, str) or value not in SCENARIOS:
         raise unknown_name("scenario", value, SCENARIOS)
     return SCENARIOS[value]
 

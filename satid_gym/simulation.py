@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from satid_gym.disturbance import Disturbance
 from satid_gym.laws import InertiaLaw
 from satid_gym.plant import new_plant
 from satid_gym.satellite import Satellite
+
+_LEAST_SUBSTEPS = 10
+_ANGLE = 0.01  # rad, that body and momentum may turn against each other in one step
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +51,7 @@ def simulate(
     attitude0: object = (0.0, 0.0, 0.0, 1.0),
     law: InertiaLaw | None = None,
     disturbance: Disturbance | object = None,
-    substeps: int = 10,
+    substeps: int | None = None,
 ) -> Trajectory:
     """Fly a torque history; exact dynamics with torque and speed limits, no noise.
 
@@ -61,8 +65,8 @@ def simulate(
         attitude0: (4,) first attitude, body to inertial, scalar last; it is normalised.
         law: how the inertia varies; static where None.
         disturbance: external torque: a `Disturbance`, or (3,) N m constant in the body frame.
-        substeps: Runge-Kutta steps in each dt. The error goes with the fourth power of the angle turned in
-            one of them.
+        substeps: Runge-Kutta steps in each dt; the error goes with the fourth power of the angle turned in one
+            of them. None takes ten, or more where that angle could exceed 0.01 rad.
 
     Returns:
         Trajectory.
@@ -75,7 +79,7 @@ def simulate(
     if torque.ndim != 2 or torque.shape[1] != wheels.count:
         raise ValueError(f"torque must have shape (N, {wheels.count}), got {torque.shape}")
     dt = check_number("dt", dt, strict=True)
-    if not isinstance(substeps, (int, np.integer)) or substeps < 1:
+    if substeps is not None and (not isinstance(substeps, (int, np.integer)) or substeps < 1):
         raise ValueError(f"substeps must be a whole number of at least 1, got {substeps!r}")
     if disturbance is not None and not isinstance(disturbance, Disturbance):
         disturbance = Disturbance(constant=real_array("disturbance", disturbance, (3,)))
@@ -93,6 +97,8 @@ def simulate(
         raise ValueError("attitude0 must be a quaternion of nonzero length")
     row["attitude"] = attitude / norm
     count, n = torque.shape
+    if substeps is None:
+        substeps = max(_LEAST_SUBSTEPS, math.ceil(_fastest(row, torque, dt) * dt / _ANGLE))
     out = Trajectory(
         time=dt * np.arange(count + 1),
         omega=np.empty((count + 1, 3)),
@@ -106,3 +112,16 @@ def simulate(
         rows, torque, dt, substeps, out.momentum, out.omega, out.wheel_speed, out.attitude, out.inertia, out.torque
     )
     return out
+
+
+def _fastest(row: np.void, torque: np.ndarray, dt: float) -> float:
+    """Upper bound of the body rate and of the nutation that stored momentum causes, rad/s.
+
+    Both are at most (|M| + |A h|) / J_min, with the wheels at their limit or at what the torque can reach.
+    """
+    start = np.linalg.norm(row["inertia"] @ row["rate"] + row["axes"] @ (row["wheel_inertia"] * row["wheel_speed"]))
+    given = row["wheel_inertia"] * np.abs(row["wheel_speed"]) + dt * np.abs(torque).sum(axis=0)
+    stored = np.minimum(given, row["wheel_inertia"] * row["wheel_speed_max"])
+    carried = (row["axes"] * row["wheel_inertia"]) @ row["axes"].T
+    least = np.linalg.eigvalsh(row["inertia"] - carried)[0]
+    return float((start + np.linalg.norm(np.abs(row["axes"]) @ stored)) / least)

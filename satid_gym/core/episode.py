@@ -46,7 +46,9 @@ def sample(plant, task, work, report):
     """Move the truth on by one sample period and read the sensors."""
     dt = task.sample_period
     drive_motors(plant, work.torque, dt)
-    advance(plant, plant.motor_torque, dt)
+    end = (np.round(plant.time / dt) + 1.0) * dt  # so that rounding does not pile up
+    advance(plant, plant.motor_torque, end - plant.time)
+    plant.time = end
     walk_gyro_bias(plant, dt)
     read_sensors(plant)
     outside = False

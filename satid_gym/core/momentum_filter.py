@@ -39,6 +39,10 @@ from satid_gym.core.kalman import (
     write_times_regressor,
 )
 
+_COARSE = 0.05  # relative std of a moment above which updates are iterated
+_ITERATIONS = 4
+_NOTHING = 5.0  # standard deviations of a rate that pass for noise
+
 
 @inline
 def wheel_momentum(belief, tachometer):
@@ -159,23 +163,78 @@ def rate(belief):
 
 @inline
 def condition(belief, work, gyro):
-    """Update with one gyro reading (3,); returns the normalised innovation squared (3 degrees of freedom)."""
+    """Update with one gyro reading (3,); returns the normalised innovation squared (3 degrees of freedom).
+
+    While a moment is known to no better than 5 %, the update is iterated (Gauss-Newton on the posterior):
+    omega is far from linear in theta there, and what one linearisation leaves is never forgotten.
+    Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
+    """
+    p = belief.prior_theta.shape[0]
+    size = belief.mean.shape[0]
+    iterations = 1
+    for k in range(3):
+        if belief.covariance[3 + k, 3 + k] > (_COARSE * belief.mean[3 + k]) ** 2:
+            iterations = _ITERATIONS
+    if iterations == 1:
+        _linearise(belief, work, gyro)
+        return update(belief, work, 3, 3 + p)
+    prior_mean, prior, support = work.prior_mean, work.prior_covariance, 3 + p
+    for i in range(size):
+        prior_mean[i] = belief.mean[i]
+        for j in range(size):
+            prior[i, j] = belief.covariance[i, j]
+    nis, guarded = 0.0, belief.guarded
+    for _ in range(iterations):
+        _linearise(belief, work, gyro)
+        for r in range(3):
+            for k in range(support):
+                work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
+        for i in range(size):
+            belief.mean[i] = prior_mean[i]
+            for j in range(size):
+                belief.covariance[i, j] = prior[i, j]
+        nis = update(belief, work, 3, support)
+    belief.guarded = min(belief.guarded, guarded + 1)
+    return nis
+
+
+@inline
+def _beyond(rate, spin, noise):
+    """The rate where it stands out of its noise, of variance spin (1 - spin / noise); else 0."""
+    return rate if rate * rate > _NOTHING**2 * spin * (1.0 - spin / noise) else 0.0
+
+
+@inline
+def _linearise(belief, work, gyro):
+    """Whitened rows and innovation of the gyro reading about the filter's mean.
+
+    The derivative by theta is taken at the rate that reading and prediction together make most likely,
+    omega + S R^-1 (z - omega), S = J^-1 N J^-1: the tachometers' noise is in the prediction and so in the
+    innovation, and would bias theta if it were in the derivative as well. A component within five of its
+    standard deviations is taken as none: noise is no excitation.
+    """
     p = belief.prior_theta.shape[0]
     flexibility = inverse(estimated_inertia(belief))
     omega = multiply(flexibility, subtract(load(belief.mean), load(belief.wheel_input)))
-    rows = work.rows
-    jacobian = work.jacobian[0]
+    residual = subtract(load(gyro), omega)
+    spin = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
+    noise = add_diagonal(belief.gyro_std**2, spin)
+    likely = add(omega, multiply(spin, multiply(inverse(noise), residual)))
+    likely = (
+        _beyond(likely[0], spin[0], noise[0]),
+        _beyond(likely[1], spin[1], noise[1]),
+        _beyond(likely[2], spin[2], noise[2]),
+    )
+    rows, jacobian = work.rows, work.jacobian[0]
     store_symmetric(jacobian, flexibility)
-    write_times_regressor(jacobian, (-omega[0], -omega[1], -omega[2]), work.regressor)
+    write_times_regressor(jacobian, (-likely[0], -likely[1], -likely[2]), work.regressor)
     for i in range(3):
         for j in range(3):
             rows[i, j] = jacobian[i, j]
         for k in range(p):
             rows[i, 3 + k] = work.regressor[i, k]
-        work.innovation[i] = gyro[i] - omega[i]
-    noise = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
-    _whiten(work, add_diagonal(belief.gyro_std**2, noise), 3 + p)
-    return update(belief, work, 3, 3 + p)
+    store(work.innovation, residual)
+    _whiten(work, noise, 3 + p)
 
 
 @inline

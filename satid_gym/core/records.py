@@ -193,6 +193,8 @@ def work_dtype(n: int, p: int, size: int) -> np.dtype:
             ("torque", _F, n),  # commanded for the decision under way
             ("transition", _F, (wide, wide)),
             ("product", _F, (wide, wide)),
+            ("prior_mean", _F, wide),
+            ("prior_covariance", _F, (wide, wide)),
             ("regressor", _F, (3, p)),
             ("rows", _F, (3 + n, wide)),
             ("jacobian", _F, (4, 3, 3)),

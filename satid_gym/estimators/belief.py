@@ -10,6 +10,7 @@ from satid_gym.estimators.settings import (
     Briefing,
     EstimatorSettings,
     MomentumEKFSettings,
+    disturbance_walk,
     inertia_parameters,
 )
 
@@ -39,7 +40,7 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
         row["prior_theta_std"] = briefing.prior_theta_std(settings.parameters)
         row["prior_torque_std"] = briefing.disturbance_std
         row["walk"][3 : 3 + p] = settings.inertia_walk * scale
-        row["walk"][3 + p :] = settings.disturbance_walk * briefing.disturbance_std
+        row["walk"][3 + p :] = disturbance_walk(settings, briefing)
         row["substeps"] = settings.substeps
     else:
         row["kind"] = RATE

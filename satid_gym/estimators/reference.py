@@ -19,6 +19,7 @@ from satid_gym.estimators.settings import (
     MomentumEKFSettings,
     Parameters,
     RateEKFSettings,
+    disturbance_walk,
     inertia_parameters,
 )
 
@@ -60,7 +61,7 @@ class _MomentumModel:
             [
                 np.zeros(3),
                 settings.inertia_walk * briefing.theta_scale(settings.parameters),
-                np.full(3, settings.disturbance_walk * briefing.disturbance_std),
+                np.full(3, disturbance_walk(settings, briefing)),
             ]
         )
 
@@ -119,6 +120,20 @@ class _MomentumModel:
         gain = skew(middle[:3]) @ np.linalg.inv(tensor(self.split(x)[1]))
         noise[:3, :3] += h * dt * gain @ self.spin_covariance @ gain.T
         return noise
+
+    def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
+        """Jacobian of the rate, its part by theta at the most likely rate, and 0 where that is within its noise."""
+        predicted, flexibility = self.rate(x, a), np.linalg.inv(tensor(self.split(x)[1]))
+        spin = flexibility @ self.spin_covariance @ flexibility
+        noise = self.measurement_noise(x)
+        likely = predicted + spin @ np.linalg.solve(noise, gyro - predicted)
+        likely[likely**2 <= 25.0 * np.diag(spin) * (1.0 - np.diag(spin) / np.diag(noise))] = 0.0
+        return np.hstack([flexibility, -flexibility @ regressor(likely, self.p), np.zeros((3, 3))])
+
+    def iterations(self, x: np.ndarray, covariance: np.ndarray) -> int:
+        """Updates are iterated while a moment is known to no better than 5 %."""
+        std = np.sqrt(np.diag(covariance)[3:6])
+        return 4 if np.any(std > 0.05 * x[3:6]) else 1
 
     def measurement_noise(self, x: np.ndarray) -> np.ndarray:
         flexibility = np.linalg.inv(tensor(self.split(x)[1]))
@@ -190,10 +205,14 @@ class FilterpyMomentumEKF(_Reference):
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
-        kf = self.filter
-        noise = self.model.measurement_noise(kf.x)
-        a = (self._a,)
-        kf.update(gyro, self.model.rate_jacobian, self.model.rate, R=noise, args=a, hx_args=a)
+        kf, model, a = self.filter, self.model, self._a
+        prior, covariance = kf.x.copy(), kf.P.copy()
+        for _ in range(model.iterations(prior, covariance)):
+            point = kf.x.copy()
+            slope, value = model.measurement_jacobian(point, a, gyro), model.rate(point, a)
+            noise = model.measurement_noise(point)
+            kf.x, kf.P = prior.copy(), covariance.copy()
+            kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
 
 

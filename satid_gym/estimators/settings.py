@@ -39,6 +39,7 @@ class Briefing(Config):
         gyro_noise_std: rad/s per sample.
         tachometer_noise_std: rad/s per sample.
         disturbance_std: N m, of the unknown torque about each axis.
+        disturbance_walk: N m per sqrt(s), how fast that torque may wander.
     """
 
     wheels: ReactionWheels
@@ -48,6 +49,7 @@ class Briefing(Config):
     gyro_noise_std: float
     tachometer_noise_std: float
     disturbance_std: float
+    disturbance_walk: float = 0.0
 
     def theta_scale(self, parameters: Parameters) -> np.ndarray:
         """(p,) moments, and geometric means of two of them for the products."""
@@ -73,7 +75,29 @@ def brief(satellite: Satellite, scenario: Scenario) -> Briefing:
         gyro_noise_std=max(operating.gyro_noise_std, _LEAST_STD),
         tachometer_noise_std=operating.tachometer_noise_std,
         disturbance_std=operating.disturbance_std,
+        disturbance_walk=_disturbance_walk(operating, scenario),
     )
+
+
+def _disturbance_walk(satellite: Satellite, scenario: Scenario) -> float:
+    """Random walk that spreads as far as the known causes move the disturbance, N m per sqrt(s).
+
+    The orbit-periodic torque has rms slope n std / sqrt(2), held over the horizon; the gravity gradient, of
+    amplitude A = 3/2 n^2 (J_max - J_min), forgets itself within the time the body takes to turn by a radian at
+    its rate limit omega: A sqrt(2 omega).
+    """
+    n = scenario.orbit_rate
+    periodic = 0.5 * satellite.disturbance_std * n * np.sqrt(0.5 * scenario.horizon)
+    moments = np.linalg.eigvalsh(satellite.inertia)
+    gradient = 1.5 * n**2 * (moments[-1] - moments[0]) * np.sqrt(2.0 * satellite.rate_limit)
+    return float(np.hypot(periodic, gradient if scenario.gravity_gradient else 0.0))
+
+
+def disturbance_walk(settings: MomentumEKFSettings, briefing: Briefing) -> float:
+    """The filter's random walk of the disturbance, N m per sqrt(s)."""
+    if settings.disturbance_walk is None:
+        return briefing.disturbance_walk
+    return settings.disturbance_walk * briefing.disturbance_std
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,20 +108,22 @@ class MomentumEKFSettings(Config):
         name: "momentum".
         parameters: "principal" for 3 moments along the body axes, "full" for all 6 of the tensor.
         inertia_walk: random walk of each moment relative to its prior, per sqrt(s).
-        disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s).
+        disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the
+            briefing's.
         substeps: midpoint steps between two readings.
     """
 
     name: Literal["momentum"] = "momentum"
     parameters: Parameters = "principal"
     inertia_walk: float = 0.004
-    disturbance_walk: float = 0.02
+    disturbance_walk: float | None = None
     substeps: int = 1
 
     def __post_init__(self) -> None:
         _check_parameters(self.parameters)
         check_number("inertia_walk", self.inertia_walk)
-        check_number("disturbance_walk", self.disturbance_walk)
+        if self.disturbance_walk is not None:
+            check_number("disturbance_walk", self.disturbance_walk)
         if not isinstance(self.substeps, int) or self.substeps < 1:
             raise ValueError(f"substeps must be a whole number of at least 1, got {self.substeps!r}")
 
