@@ -19,7 +19,7 @@ from satid_gym.core.algebra import load_symmetric, store, store_symmetric
 from satid_gym.core.dynamics import external_torque, inertia_at, set_speeds
 from satid_gym.core.jit import inline, kernel
 from satid_gym.estimators.belief import new_work
-from satid_gym.estimators.settings import EstimatorSettings, MomentumEKFSettings
+from satid_gym.estimators.settings import EstimatorSettings, MomentumEKFSettings, brief, disturbance_walk
 from satid_gym.policy import Policy, missions
 from satid_gym.problem import InertiaLike, Problem, ScenarioLike, problem
 from satid_gym.satellite import Satellite
@@ -98,7 +98,8 @@ def _walk(posed: Problem) -> np.ndarray:
         raise ValueError(f"only the MomentumEKF says how truth walks, got the estimator {settings.name!r}")
     satellite = posed.scenario.operate(posed.satellites[0])
     inertia = settings.inertia_walk * np.diag(satellite.inertia)
-    return np.append(inertia, np.full(3, settings.disturbance_walk * satellite.disturbance_std))
+    torque = disturbance_walk(settings, brief(posed.satellites[0], posed.scenario))
+    return np.append(inertia, np.full(3, torque))
 
 
 def _fly(
