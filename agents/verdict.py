@@ -1,0 +1,151 @@
+"""Hold the learned policies against what is asked of them: `python -m agents.verdict`.
+
+Reads what `python -m agents.compare` wrote (and, where it is there, `--scenario tight`) and flies one satellite that
+no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from agents.policies import find
+from baselines.registry import build
+from baselines.tune import tune
+from satid_gym import ReactionWheels, Satellite
+from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.profiles import PROFILES
+
+Record = Mapping[str, Any]
+Claim = tuple[str, str, bool]  # what is asked, what was found, whether it holds
+
+UNSEEN = Satellite(
+    "unseen",
+    np.array([2.1, 2.6, 1.7]),
+    ReactionWheels(inertia=np.array(6e-4), max_torque=np.array(0.035), max_speed=np.array(750.0)),
+    rate_limit=0.035,
+    gyro_noise_std=6e-5,
+    disturbance_std=3e-5,
+)
+
+
+def cells(records: Sequence[Record]) -> Iterator[dict[str, Record]]:
+    """The records of each cell by policy."""
+    for key in dict.fromkeys((r["satellite"], r["inertia_mode"]) for r in records):
+        yield {r["policy"]: r for r in records if (r["satellite"], r["inertia_mode"]) == key}
+
+
+def inside(records: Sequence[Record]) -> list[Record]:
+    """Those that keep to the envelope; all of them where none does."""
+    return [r for r in records if r["outside_fraction"] <= 0.01] or list(records)
+
+
+def _largest(values: Sequence[float], least: float, form: str = "{:.3f}") -> tuple[str, bool]:
+    text = ", ".join(form.format(v) for v in values)
+    return f"largest {form.format(max(values))} of {text}", max(values) <= least
+
+
+def benchmark_claims(records: Sequence[Record], policy: str) -> list[Claim]:
+    """The claims on the twelve cells of the default scenario."""
+    final, mean, apart, first, behind, behind_mean, better = [], [], [], [], [], [], 0
+    mine = [cell[policy] for cell in cells(records)]
+    for cell in cells(records):
+        own = cell[policy]
+        eight = inside([cell[name] for name in PROFILES])
+        loops = inside([r for r in cell.values() if r["kind"] == "closed_loop"])
+        best = min(eight, key=lambda r: r["final_error_mean"])
+        final.append(own["final_error_mean"] / best["final_error_mean"])
+        apart.append(own["final_error_hi"] < best["final_error_lo"])
+        mean.append(own["mean_error_mean"] / min(r["mean_error_mean"] for r in eight))
+        first.append(own["time_to_1pct_s"] or np.inf)
+        behind.append(own["final_error_mean"] / min(r["final_error_mean"] for r in loops))
+        behind_mean.append(own["mean_error_mean"] / min(r["mean_error_mean"] for r in loops))
+        better += behind[-1] < 1.0 and behind_mean[-1] < 1.0
+    outside, ended = max(r["outside_fraction"] for r in mine), max(r["terminated_fraction"] for r in mine)
+    nees = [r["nees"] for r in mine]
+    return [
+        ("final error over the best of the eight, at most 1/3", *_largest(final, 1 / 3)),
+        ("... with intervals apart, in all cells", f"{sum(apart)} of {len(apart)}", all(apart)),
+        ("mean error over the best of the eight, at most 1/5", *_largest(mean, 1 / 5)),
+        ("median time to 1 %, at most 3 s", *_largest(first, 3.0, "{:.1f}")),
+        (
+            "share of time outside, at most 1 %; none ended",
+            f"{outside:.2%}; {ended:.0%}",
+            outside <= 0.01 and ended == 0,
+        ),
+        ("final error over the best closed loop, at most 1", *_largest(behind, 1.0)),
+        ("mean error over the best closed loop, at most 1", *_largest(behind_mean, 1.0)),
+        ("better in both, in at least half of the cells", f"{better} of {len(mine)}", 2 * better >= len(mine)),
+        ("NEES between 0.3 and 2", f"{min(nees):.2f} to {max(nees):.2f}", min(nees) >= 0.3 and max(nees) <= 2.0),
+    ]
+
+
+def tight_claims(records: Sequence[Record], policy: str) -> list[Claim]:
+    """The claims on scenario "tight"."""
+    final = []
+    for cell in cells(records):
+        scripted = inside([r for r in cell.values() if r["kind"] == "scripted" and r["policy"] in PROFILES])
+        final.append(cell[policy]["final_error_mean"] / min(r["final_error_mean"] for r in scripted))
+    saturated = [100.0 * cell[policy]["saturated_fraction"] for cell in cells(records)]
+    return [
+        ("tight: final error over the best of the eight, at most 1/3", *_largest(final, 1 / 3)),
+        ("tight: wheels saturated, at most 1 % of the time", *_largest(saturated, 1.0, "{:.2f}")),
+    ]
+
+
+def unseen_claims(policy: str, episodes: int) -> list[Claim]:
+    """The claim on a satellite between cubesat and smallsat; the closed loop is tuned for it on tuning seeds."""
+    rival = build("rate_square", tune("rate_square", UNSEEN).settings)
+    ratios = []
+    for mode in INERTIA_MODES:
+        errors = [
+            fly(
+                pilot, satellite=UNSEEN, inertia=mode, seeds=seeds("test", episodes), scenario=benchmark_scenario()
+            ).scores()["final_error"]
+            for pilot in (find(policy), rival)
+        ]
+        ratios.append(float(errors[0].mean() / errors[1].mean()))
+    return [("unseen satellite: final error over rate_square tuned for it, at most 1.5", *_largest(ratios, 1.5))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What to judge."""
+
+    results: Path = Path("results")
+    """Folder with compare.json and compare_tight.json."""
+    episodes: int = 100
+    """Episodes of each inertia mode on the unseen satellite."""
+
+
+def main() -> int:
+    """Print every claim with its figures; the exit code."""
+    options = tyro.cli(Options, description=__doc__)
+    file = options.results / "compare.json"
+    if not file.is_file():
+        print(f"error: {file} is missing: run python -m agents.compare first", file=sys.stderr)
+        return 2
+    records = json.loads(file.read_text())["records"]
+    tight = options.results / "compare_tight.json"
+    held = True
+    for policy in dict.fromkeys(r["policy"] for r in records if r["kind"] == "learned"):
+        claims = benchmark_claims(records, policy)
+        if tight.is_file():
+            claims += tight_claims(json.loads(tight.read_text())["records"], policy)
+        claims += unseen_claims(policy, options.episodes)
+        for asked, found, holds in claims:
+            print(f"{'holds' if holds else 'SHORT':5s}  {asked}: {found}")
+            held = held and holds
+    return 0 if held else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
