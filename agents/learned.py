@@ -118,6 +118,7 @@ class LearnedPolicy:
         tensors, text = _beside(path, ".safetensors"), _beside(path, ".json")
         temporary = tensors.with_name(tensors.name + ".part")
         save_file({k: np.ascontiguousarray(v) for k, v in self.network.tensors().items()}, temporary)
+        temporary.chmod(0o644)  # safetensors writes for the owner alone
         os.replace(temporary, tensors)
         temporary = text.with_name(text.name + ".part")
         temporary.write_text(json.dumps({**head, **self.details}, indent=2) + "\n")
