@@ -17,7 +17,9 @@ WIDTH = 100
 MOST_OUTSIDE = 0.01  # of the time; only who keeps it can be best
 
 
-def print_comparison(records: Sequence[Record], footer: str) -> None:
+def print_comparison(
+    records: Sequence[Record], footer: str, bounds: Sequence[Record] = (), efficiencies: Sequence[Record] = ()
+) -> None:
     """Two tables for each satellite: final error by inertia mode, and everything else averaged over modes."""
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -25,13 +27,19 @@ def print_comparison(records: Sequence[Record], footer: str) -> None:
     for satellite in dict.fromkeys(r["satellite"] for r in records):
         block = [r for r in records if r["satellite"] == satellite]
         policies = sorted(dict.fromkeys(r["policy"] for r in block), key=lambda p: _mean(block, p, "final_error_mean"))
-        console.print(error_table(satellite, block, policies))
+        limits = [b for b in bounds if b["satellite"] == satellite]
+        reached = [e for e in efficiencies if e["satellite"] == satellite]
+        console.print(error_table(satellite, block, policies, limits))
         console.print(behaviour_table(satellite, block, policies))
+        if reached:
+            console.print(efficiency_line(reached, [p for p in policies if _kind(block, p) in _CHALLENGERS]))
     console.print(footer, style="dim")
 
 
-def error_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:
-    """Final error in %, with its 95 % interval, by policy and inertia mode."""
+def error_table(
+    satellite: str, records: Sequence[Record], policies: Sequence[str], bounds: Sequence[Record] = ()
+) -> Table:
+    """Final error in %, with its 95 % interval, by policy and inertia mode; below it what the cell allows."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=f"{satellite}: final error, % [95 % interval]")
     table.add_column("policy", no_wrap=True)
     columns = []
@@ -48,6 +56,9 @@ def error_table(satellite: str, records: Sequence[Record], policies: Sequence[st
             text = Text(f"{mean} [{low} {high}]", style="bold" if r["final_error_mean"] == best else "")
             cells.append(text)
         table.add_row(policy, *cells)
+    for name in dict.fromkeys(b["policy"] for b in bounds):
+        allowed = [f"{100.0 * b['final_error']:.4f}" for b in bounds if b["policy"] == name]
+        table.add_row(name, *allowed, style="dim")
     return table
 
 
@@ -59,11 +70,10 @@ def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequenc
     for name in _HEADINGS:
         table.add_column(name, justify="right", no_wrap=True)
     for policy in policies:
-        kind = next(r["kind"] for r in records if r["policy"] == policy)
         mean = {name: _mean(records, policy, name) for name in _BEHAVIOUR}
         table.add_row(
             policy,
-            kind.replace("_", " "),
+            _kind(records, policy).replace("_", " "),
             _percent(mean["mean_error_mean"]),
             "never" if mean["time_to_1pct_s"] is None else f"{mean['time_to_1pct_s']:.1f}",
             f"{100.0 * mean['outside_fraction']:.2f}",
@@ -86,6 +96,7 @@ _HEADINGS = (
     "satur-\nated %",
     "ended\n%",
 )
+_CHALLENGERS = ("closed_loop", "learned")
 _BEHAVIOUR = (
     "mean_error_mean",
     "time_to_1pct_s",
@@ -96,6 +107,24 @@ _BEHAVIOUR = (
     "saturated_fraction",
     "terminated_fraction",
 )
+
+
+def efficiency_line(efficiencies: Sequence[Record], policies: Sequence[str]) -> Text:
+    """Ideal / achieved and bound / achieved, in mean over the modes, and the median time of a decision."""
+    parts = []
+    for policy in policies:
+        mine = [e for e in efficiencies if e["policy"] == policy]
+        mean = {name: 100.0 * np.mean([e[name] for e in mine]) for name in ("efficiency", "excitation_efficiency")}
+        milliseconds = np.median([e["decision_ms"] for e in mine])
+        parts.append(
+            f"{policy} {mean['excitation_efficiency']:.0f} % of ideal, {mean['efficiency']:.1f} % of the bound, "
+            f"{milliseconds:.3f} ms a decision"
+        )
+    return Text("efficiency: " + "; ".join(parts))
+
+
+def _kind(records: Sequence[Record], policy: str) -> str:
+    return next(r["kind"] for r in records if r["policy"] == policy)
 
 
 def _mean(records: Sequence[Record], policy: str, name: str) -> Any:

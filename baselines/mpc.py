@@ -33,7 +33,7 @@ class MPCPolicy:
     name = "mpc"
     kind: Kind = "closed_loop"
 
-    def __init__(self, horizon: int = 10, steps: int = 2, margin: float = 3.0) -> None:
+    def __init__(self, horizon: int = 10, steps: int = 2, margin: float = 2.75) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps)):
             raise ValueError(f"horizon and steps must be whole numbers of at least 1, got {horizon!r} and {steps!r}")
         self.horizon, self.steps = horizon, steps

@@ -32,7 +32,7 @@ from satid_gym.core.kalman import estimated_inertia
 from satid_gym.core.records import LOGDET
 from satid_gym.core.reward import spread
 from satid_gym.estimators.belief import new_belief, new_work
-from satid_gym.estimators.settings import Briefing, MomentumEKFSettings, Parameters
+from satid_gym.estimators.settings import MomentumEKFSettings, Parameters, brief
 from satid_gym.policy import Mission
 
 
@@ -67,15 +67,11 @@ class Planner:
         parameters: Parameters = "principal" if layout["inertia"].stop - layout["inertia"].start == 3 else "full"
         settings = MomentumEKFSettings(parameters=parameters)
         averaged = np.sqrt(scenario.sample_period / self._step)  # noise of a step's mean over a reading's
-        satellite = mission.satellite
-        briefing = Briefing(
-            wheels=satellite.wheels,
-            inertia=mission.prior_inertia,
-            prior_std=scenario.prior_std,
-            product_std=scenario.product_std,
-            gyro_noise_std=max(satellite.gyro_noise_std, 1e-9) * averaged,
-            tachometer_noise_std=satellite.tachometer_noise_std * averaged,
-            disturbance_std=satellite.disturbance_std,
+        satellite = mission.satellite  # as operated, so that the scenario's factors are in it already
+        briefing = brief(satellite, scenario.replace(wheel_speed_scale=1.0, disturbance_scale=1.0))
+        briefing = briefing.replace(
+            gyro_noise_std=briefing.gyro_noise_std * averaged,
+            tachometer_noise_std=briefing.tachometer_noise_std * averaged,
         )
         self.beliefs = np.repeat(new_belief(briefing, settings), episodes)
         self._scratch = self.beliefs[:1].copy()

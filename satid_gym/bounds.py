@@ -36,7 +36,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym.core import momentum_filter
-from satid_gym.core.jit import kernel
+from satid_gym.core.algebra import add_diagonal, congruence, inverse, load, load_symmetric, store_symmetric
+from satid_gym.core.jit import inline, kernel
+from satid_gym.core.kalman import estimated_inertia, update, write_times_regressor
 from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.settings import PRODUCTS, Briefing, MomentumEKFSettings, inertia_parameters
 from satid_gym.satellite import Satellite
@@ -98,6 +100,20 @@ def _growth(theta: np.ndarray, law_known: bool) -> np.ndarray:
     return growth
 
 
+@inline
+def _condition(belief, work, omega, p):
+    """The filter's update at the true rate, without what it does because it has only an estimate of it."""
+    flexibility = inverse(estimated_inertia(belief))
+    store_symmetric(work.jacobian[0], flexibility)
+    write_times_regressor(work.jacobian[0], (-omega[0], -omega[1], -omega[2]), work.regressor)
+    for i in range(3):
+        work.rows[i, :3], work.rows[i, 3 : 3 + p] = work.jacobian[0, i], work.regressor[i]
+        work.innovation[i] = 0.0
+    spin = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
+    momentum_filter._whiten(work, add_diagonal(belief.gyro_std**2, spin), 3 + p)
+    update(belief, work, 3, 3 + p)
+
+
 def _build_bound_many(fingerprint):
     def bound_many(beliefs, work, momentum, rate, wheel_speed, torque, theta, growth, dt, out):
         """The filter's covariance with the truth in the place of its mean, for every episode."""
@@ -115,7 +131,7 @@ def _build_bound_many(fingerprint):
                     belief.covariance[3 + j] *= growth[i, k, j]
                     belief.covariance[:, 3 + j] *= growth[i, k, j]
                 belief.mean[:3], belief.mean[3 : 3 + p] = momentum[i, k], theta[i, k]
-                momentum_filter.condition(belief, work[0], rate[i, k])
+                _condition(belief, work[0], load(rate[i, k]), p)
                 out[i, k] = belief.covariance[3 : 3 + p, 3 : 3 + p]
 
     return bound_many
