@@ -1,0 +1,52 @@
+"""The README: its code runs, its figures are those of the committed results."""
+
+import json
+import re
+
+import pytest
+
+from agents import readme
+
+TEXT = (readme.ROOT / "README.md").read_text()
+BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
+
+
+def test_its_figures_are_those_of_the_committed_results():
+    assert readme.written(TEXT) == TEXT
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+def test_its_code_runs(block):
+    exec(compile(block, "README.md", "exec"), {})
+
+
+def test_its_first_commands_are_targets_of_the_makefile():
+    commands = re.search(r"```\n(.*?)```", TEXT, flags=re.DOTALL).group(1).split("\n")
+    makefile = (readme.ROOT / "Makefile").read_text()
+    for line, target in zip(commands, ("compare", "test"), strict=False):
+        assert line.startswith(f"make {target}")
+        assert re.search(rf"^{target}: setup", makefile, flags=re.MULTILINE)
+
+
+def test_the_table_is_made_of_means_over_modes():
+    records = [
+        {"policy": p, "kind": k, "satellite": "s", "inertia_mode": m, "final_error_mean": e, "outside_fraction": 0.01}
+        for p, k, errors in (("a", "scripted", (0.01, 0.03)), ("b", "learned", (0.001, 0.002)))
+        for m, e in zip(("static", "step"), errors, strict=True)
+    ]
+    table = readme.results_table(
+        {"records": records, "revision": "r", "command": "python -m agents.compare --output x"}
+    )
+    assert table.splitlines()[2:4] == ["| **b** | learned | 0.15 (1.0 %) |", "| a | scripted | 2 (1.0 %) |"]
+    assert table.endswith("Revision r, python -m agents.compare.")
+
+
+def test_a_readme_without_its_marks_is_refused():
+    with pytest.raises(ValueError, match="must hold the lines"):
+        readme._between("nothing", "results", "x")
+
+
+def test_the_committed_results_name_their_command_and_seeds():
+    results = json.loads((readme.RESULTS / "compare.json").read_text())
+    assert results["command"].startswith("python -m agents.compare")
+    assert results["seeds"]["split"] == "test"
