@@ -1,0 +1,62 @@
+"""Choose among runs that differ in their seed: `python -m agents.choose RUN ... [--ship]`.
+
+Prints every run's best policy on the validation seeds, the spread over runs, and the best; `--ship` copies that one
+to agents/pretrained. Test seeds have no part in the choice.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+from agents.learned import LearnedPolicy
+from agents.policies import PRETRAINED
+from agents.train import merit
+
+_SHOWN = ("final_error", "mean_error", "outside_fraction")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Which runs."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of training runs."""
+    ship: bool = False
+    """Copy the best policy to agents/pretrained."""
+
+
+def main() -> int:
+    """Print the spread and the choice; the exit code."""
+    options = tyro.cli(Options, description=__doc__)
+    try:
+        policies = [LearnedPolicy.load(run / "policy") for run in options.runs]
+    except (FileNotFoundError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    rows = [policy.details["validation"] for policy in policies]
+    scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
+    satellites = [row["satellite"] for row in rows[0]]
+    print(f"{'':24s}" + "".join(f"{s:>24s}" for s in satellites) + "   final, mean error, outside in %")
+    for run, score in zip(options.runs, scores, strict=True):
+        print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
+    for name, statistic in (("mean", scores.mean(axis=0)), ("std", scores.std(axis=0, ddof=min(1, len(rows) - 1)))):
+        print(f"{name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in statistic))
+    best = int(np.argmin([merit(run) for run in rows]))
+    print(f"best by final and mean error: {options.runs[best]}")
+    if options.ship:
+        PRETRAINED.mkdir(exist_ok=True)
+        target = PRETRAINED / policies[best].name
+        for ending in (".safetensors", ".json"):
+            shutil.copyfile(options.runs[best] / f"policy{ending}", target.with_name(target.name + ending))
+        print(f"shipped as {target}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
