@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import importlib.util
+import functools
 import io
 import itertools
+import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
+from agents.policies import shipped
 from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
@@ -29,7 +32,7 @@ from baselines.ceiling import ceiling
 from baselines.provenance import command, revision, versions, write_json, write_text
 from baselines.timing import TimedPolicy
 from satid_gym.config import unknown_name
-from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, fly, seeds
+from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES
@@ -79,15 +82,6 @@ class Comparison:
             raise ValueError(f"episodes must be at least 2 for an interval, got {self.episodes}")
 
 
-def learned_policies() -> list[Policy]:
-    """The policies that are shipped."""
-    if importlib.util.find_spec("agents.policies") is None:
-        return []
-    from agents.policies import shipped
-
-    return shipped()
-
-
 def line_up(comparison: Comparison, satellite: str, learned: Sequence[Policy]) -> list[Policy]:
     """The policies that fly a satellite: baselines with their settings for it, and the learned ones."""
     wanted = comparison.policies or [*BASELINES, *(policy.name for policy in learned)]
@@ -112,7 +106,10 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     bounds: list[dict[str, Any]] = []
     efficiencies: list[dict[str, Any]] = []
     bounded = world.estimator == "momentum"
-    with tqdm(total=sum(map(len, flights.values())), desc="comparing", unit="flight") as bar:
+    with (
+        ThreadPoolExecutor(os.cpu_count()) as pool,  # planners leave the interpreter's lock for most of their time
+        tqdm(total=sum(map(len, flights.values())), desc="comparing", unit="flight") as bar,
+    ):
         for (satellite, mode), policies in flights.items():
             cell = {"satellite": satellite, "inertia_mode": mode}
             scores: dict[str, Scores] = {}
@@ -120,10 +117,10 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
             if top is not None:
                 final = top.final_errors()
                 bounds += [{"policy": name, "kind": "bound", **cell, "final_error": final[name]} for name in final]
-            for policy in policies:
-                bar.set_postfix_str(f"{satellite} {mode} {policy.name}", refresh=False)
-                timed = TimedPolicy(policy)
-                flight = fly(timed, satellite=satellite, inertia=mode, seeds=chosen, scenario=world)
+            bar.set_postfix_str(f"{satellite} {mode}", refresh=False)
+            timers = [TimedPolicy(policy) for policy in policies]
+            pilot = functools.partial(_fly, satellite=satellite, inertia=mode, seeds=chosen, scenario=world)
+            for policy, timed, flight in zip(policies, timers, pool.map(pilot, timers), strict=True):
                 scores[policy.name] = flight.scores()
                 names = {"policy": policy.name, "kind": policy.kind, **cell, "episodes": len(chosen)}
                 records.append({**names, **record(scores[policy.name])})
@@ -144,6 +141,10 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
         "bounds": bounds,
         "efficiencies": efficiencies,
     }
+
+
+def _fly(policy: Policy, **cell: Any) -> Flight:
+    return fly(policy, **cell, num_threads=1)
 
 
 def _matches(policies: Sequence[Policy], scores: Mapping[str, Scores]) -> list[tuple[dict[str, str], dict[str, float]]]:
@@ -174,7 +175,7 @@ def main() -> int:
     """Run the comparison that the command line asks for; the exit code."""
     comparison = tyro.cli(Comparison, description=__doc__)
     start = time.perf_counter()
-    learned = learned_policies()
+    learned: list[Policy] = list(shipped())
     try:
         comparison.check(learned)
     except ValueError as error:
