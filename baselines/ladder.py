@@ -31,12 +31,7 @@ from baselines.recording import Recording, record
 from baselines.scripted import ScriptedPolicy, Signal, staggered_square
 from satid_gym.bounds import posterior_bound
 from satid_gym.estimators import MomentumEKF, MomentumEKFSettings, RateEKF
-from satid_gym.estimators.least_squares import (
-    NotIdentifiedError,
-    differentiated,
-    instrumental_variable,
-    momentum_form,
-)
+from satid_gym.estimators.least_squares import NotIdentifiedError, differentiated, instrumental_variable, momentum_form
 from satid_gym.estimators.settings import Briefing, brief, inertia_parameters
 from satid_gym.evaluation import seeds
 from satid_gym.laws import PAPER_LAWS

@@ -4,11 +4,10 @@ Posterior bound: Tichavsky's recursion for the MomentumEKF's model along true tr
 
     I' = (Q + F I^-1 F^T)^-1 + H^T R^-1 H,
 
-F, H, Q and R at the true state. It is the filter's own Riccati equation with the truth in the place of the
-estimate, so the core's filter computes it for each episode. Two averages over episodes: `population_bound`
-takes the mean of theta's information, which is never below Tichavsky's bound for the whole population; the
-mean of `episode_bounds` is by Jensen's inequality not below that, and is what an efficient filter reaches, for
-it knows from its readings how much each episode tells. They differ where episodes tell differently much.
+F, H, Q and R at the true state: the filter's own Riccati equation with the truth in the place of the estimate.
+Two averages over episodes: `population_bound` takes the mean of theta's information, which is never below
+Tichavsky's bound for the population; the mean of `episode_bounds` is by Jensen's inequality not below that, and
+is what an efficient filter reaches, for it knows from its readings how much each episode tells.
 
 Envelope bound: what no excitation can beat that keeps to the rate, torque and wheel speed limits. Given M, the
 disturbance and all other parameters exactly, one sample tells about parameter j of theta
@@ -24,8 +23,8 @@ that the limits allow,
 
 where G = (J - A j A^T)^-1, p0 = (M - A h) at the start and |M| <= |M(0)| + t |tau|. Knowing more never makes a
 posterior variance larger, so the scalar Riccati equation of each parameter, with the walk of theta, bounds
-its variance from below. Assumptions: gyro and tachometer noise as the filter has them, each sample with
-noise of its own; nothing is learned from commanded torque; the body stays inside the rate limit.
+its variance from below. Assumptions: sensor noise as the filter has it, white; nothing is learned from commanded
+torque; the body stays inside the rate limit.
 Source: Tichavsky, Muravchik and Nehorai, IEEE Trans. Signal Processing 46 (1998); the rest is derived here.
 """
 
@@ -210,7 +209,7 @@ def population_bound(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
 
 
 def episode_bounds(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """The same (N, T) for each episode by itself; their mean is what an efficient filter reaches."""
+    """The same (N, T) for each episode by itself."""
     return _relative(covariance, inertia).trace(axis1=2, axis2=3)
 
 
