@@ -1,12 +1,11 @@
 """Choose among runs that differ in their seed: `python -m agents.choose RUN ... [--ship]`.
 
-Prints every run's best policy on the validation seeds, the spread over runs, and the best; `--ship` copies that one
-to agents/pretrained. Test seeds have no part in the choice.
+Prints every run's best policy on the validation seeds, the spread over runs, and the best; `--ship` saves that one
+in agents/pretrained. Test seeds have no part in the choice.
 """
 
 from __future__ import annotations
 
-import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ import tyro
 from agents.learned import LearnedPolicy
 from agents.policies import PRETRAINED
 from agents.train import merit
+from baselines.provenance import command
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
 
@@ -28,7 +28,9 @@ class Options:
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of training runs."""
     ship: bool = False
-    """Copy the best policy to agents/pretrained."""
+    """Save the best policy in agents/pretrained."""
+    margin: float | None = None
+    """Margin of the rate loop to ship it with, where validation calls for another than that of training."""
 
 
 def main() -> int:
@@ -50,11 +52,12 @@ def main() -> int:
     best = int(np.argmin([merit(run) for run in rows]))
     print(f"best by final and mean error: {options.runs[best]}")
     if options.ship:
-        PRETRAINED.mkdir(exist_ok=True)
-        target = PRETRAINED / policies[best].name
-        for ending in (".safetensors", ".json"):
-            shutil.copyfile(options.runs[best] / f"policy{ending}", target.with_name(target.name + ending))
-        print(f"shipped as {target}")
+        policy = policies[best]
+        if options.margin is not None:
+            policy.margin = options.margin
+        policy.details["shipped_by"] = command("agents.choose")
+        policy.save(PRETRAINED / policy.name)
+        print(f"shipped as {PRETRAINED / policy.name}")
     return 0
 
 
