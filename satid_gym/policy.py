@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 
 Kind = Literal["scripted", "closed_loop", "learned", "reference"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -129,7 +129,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     @property
     def satellite_index(self) -> np.ndarray:
-        """(num_envs,) which of `problem.satellites` each environment flies at present."""
+        """(num_envs,) which of `problem.satellites`, or of the last reset's option, each environment flies."""
         return self._tasks["template"].copy()
 
     def reset(
