@@ -5,12 +5,23 @@ from __future__ import annotations
 import hypothesis
 import numpy as np
 import pytest
+from numba import config
 
 from satid_gym import SATELLITES, ReactionWheels, Satellite
 
 # derandomised: a failure here is a failure everywhere; no deadline: the first call of a kernel compiles it
 hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("suite")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Without the compiler the core is some hundred times slower: leave out what is long even with it."""
+    if config.DISABLE_JIT:
+        skip = pytest.mark.skip(reason="takes minutes without the compiler")
+        for item in items:
+            if "compiled" in item.keywords:
+                item.add_marker(skip)
+
 
 FULL_TENSOR = np.array([[6.5, 0.4, -0.3], [0.4, 6.0, 0.5], [-0.3, 0.5, 4.5]])
 

@@ -4,16 +4,21 @@ Small functions carry `@inline`: they are compiled into whatever calls them. The
 calls carry `@kernel`: they release the GIL and are cached on disk. Numba's cache looks at the file of the
 kernel alone, so an edit of a function that the kernel calls would go unseen; every kernel therefore closes
 over a fingerprint of the whole core's source, which is part of numba's cache key.
+
+With NUMBA_DISABLE_JIT=1 in the environment the same code runs as plain Python, some hundred times slower: for
+debuggers, coverage and mutation testing.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+import numpy as np
+from numba import config, njit
 
 _FLAGS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
@@ -40,4 +45,36 @@ def kernel(build: Callable[[str], Callable[..., Any]]) -> Any:
     The returned function must name the fingerprint in its body, so that the fingerprint is one of its
     closure variables.
     """
-    return njit(nogil=True, cache=True, **_FLAGS)(build(SOURCE_FINGERPRINT))
+    function = build(SOURCE_FINGERPRINT)
+    return _interpreted(function) if config.DISABLE_JIT else njit(nogil=True, cache=True, **_FLAGS)(function)
+
+
+def _interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A kernel as plain Python: fields are attributes, words wrap and divisions by zero pass, as compiled."""
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*map(_with_attributes, arguments))
+
+    return call
+
+
+def _with_attributes(argument: Any) -> Any:
+    """The same memory, with the fields of its records as attributes."""
+    if isinstance(argument, tuple):
+        return tuple(map(_with_attributes, argument))
+    if isinstance(argument, np.ndarray) and argument.dtype.names:
+        return argument.view(_record_type(argument.dtype))
+    return argument
+
+
+@functools.cache
+def _record_type(dtype: np.dtype) -> np.dtype:
+    """The dtype with a scalar whose fields are attributes; numpy's own record hides those named as methods (mean)."""
+    fields = {name: _field(name) for name in dtype.names or ()}
+    return np.dtype((type("Record", (np.void,), fields), dtype))
+
+
+def _field(name: str) -> property:
+    return property(lambda record: record[name], lambda record, value: record.__setitem__(name, value))
