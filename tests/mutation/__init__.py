@@ -1,0 +1,1 @@
+"""Mutation testing: whether the tests notice a wrong sign, bound, constant or order in the code they test."""
