@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import hypothesis
 import numpy as np
 import pytest
@@ -21,6 +24,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for item in items:
             if "compiled" in item.keywords:
                 item.add_marker(skip)
+
+
+@pytest.fixture(autouse=True)
+def words_wrap() -> Iterator[None]:
+    """As compiled: the random streams count on it, and tests call them by themselves."""
+    with np.errstate(over="ignore") if config.DISABLE_JIT else contextlib.nullcontext():
+        yield
 
 
 FULL_TENSOR = np.array([[6.5, 0.4, -0.3], [0.4, 6.0, 0.5], [-0.3, 0.5, 4.5]])

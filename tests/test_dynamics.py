@@ -384,6 +384,89 @@ def test_equals_the_textbook_while_wheels_saturate(name, mode, request):
     np.testing.assert_allclose(flight.wheel_speed, expected[:, 3 : 3 + wheels.count], rtol=0, atol=1e-6)
 
 
+# The same against the textbook in a second of fast tumble: every term of the equations is large
+
+
+SHORT_LAWS = {
+    "static": InertiaLaw("static"),
+    "step": InertiaLaw("step", size=0.1, time=0.4137),
+    "drift": InertiaLaw("drift", size=0.3, time=1.3),
+    "periodic": InertiaLaw("periodic", size=0.2, frequency=0.4, phase=0.4),
+    "deployment": InertiaLaw("step", time=0.33, change=[[0.5, 0.1, 0.0], [0.1, 0.4, -0.2], [0.0, -0.2, 0.3]]),
+}
+STRONG_TORQUES = Disturbance(
+    constant=(0.04, -0.03, 0.02),
+    cosine=(0.02, 0.01, -0.03),
+    sine=(-0.01, 0.03, 0.02),
+    gravity_gradient=True,
+    solar_force=(0.1, -0.05, 0.2),
+    solar_offset=(0.2, -0.3, 0.5),
+    orbit_rate=0.3,
+)
+
+
+@pytest.mark.parametrize("law", SHORT_LAWS.values(), ids=SHORT_LAWS)
+@pytest.mark.parametrize("name", ["skewed", "pyramid"])
+def test_a_second_of_tumble_equals_the_textbook(name, law, request):
+    satellite = request.getfixturevalue(name)
+    torque = square_wave(satellite, 4, period=3.0)
+    omega0, speed0 = (0.5, -0.4, 0.3), 300.0 * np.resize([1.0, -0.7, 0.5, 0.6], satellite.wheels.count)
+    start = {"omega0": omega0, "wheel_speed0": speed0, "law": law, "disturbance": STRONG_TORQUES}
+    flight = simulate(satellite, torque, 0.25, **start, substeps=20)
+    oracle = Textbook(satellite, law, STRONG_TORQUES)
+    expected = oracle.fly(torque, 0.25, omega0, speed0)
+    assert oracle.stepped == (law.mode == "step")
+    np.testing.assert_allclose(flight.omega, expected[:, :3], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(flight.wheel_speed, expected[:, 3 : 3 + oracle.n], rtol=0, atol=1e-7)
+    matrices = Rotation.from_quat(flight.attitude).as_matrix().reshape(-1, 9)
+    np.testing.assert_allclose(matrices, expected[:, 3 + oracle.n :], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(flight.attitude, axis=1), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(flight.torque, torque, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["static", "drift", "periodic"])
+@pytest.mark.parametrize("name", ["skewed", "pyramid"])
+def test_a_second_at_the_speed_limit_equals_the_textbook(name, mode, request):
+    """Into the limit, coasting there, pulled back, thrown out again; on either side, one wheel after the other."""
+    satellite = request.getfixturevalue(name)
+    wheels = satellite.wheels
+    side = np.resize([1.0, -1.0, 1.0, -1.0], wheels.count)
+    speed0 = side * (wheels.max_speed - np.resize([6.0, 9.0, 14.0, 3.0], wheels.count))
+    share = np.array([1.0, 0.0, 1e-3, 0.2, -0.4, 1.0])
+    torque = share[:, None] * side * wheels.max_torque
+    start = {"omega0": (0.1, -0.2, 0.15), "wheel_speed0": speed0, "law": SHORT_LAWS[mode], "disturbance": ALL_TORQUES}
+    flight = simulate(satellite, torque, 0.2, **start, substeps=20)
+    expected = Textbook(satellite, SHORT_LAWS[mode], ALL_TORQUES).fly(torque, 0.2, start["omega0"], speed0)
+    held = np.abs(flight.wheel_speed) > wheels.max_speed * (1.0 - 1e-9)
+    assert held.any(axis=0).sum() > 1, "more than one wheel gets there"
+    assert not held[-2].all(), "and is released"
+    np.testing.assert_allclose(flight.omega, expected[:, :3], rtol=0, atol=3e-8)  # releases are met at a step's start
+    np.testing.assert_allclose(flight.wheel_speed, expected[:, 3 : 3 + wheels.count], rtol=0, atol=1e-5)
+
+
+def test_a_step_of_the_inertia_between_held_wheels_conserves_momentum(pyramid):
+    """J jumps to 0.8 J0: the body spins up, and free wheels that it throws past their limit are locked."""
+    limit = pyramid.wheels.max_speed
+    speed0 = limit * [1.0, -1.0, 0.9999, -0.9999]
+    flight = simulate(
+        pyramid,
+        np.zeros((4, 4)),
+        0.25,
+        omega0=(-0.5, 0.4, -0.6),
+        wheel_speed0=speed0,
+        law=InertiaLaw("step", size=-0.2, time=0.6),
+        substeps=10,
+    )
+    momentum = inertial_momentum(flight)
+    size = np.linalg.norm(momentum[0])
+    assert np.linalg.norm(momentum - momentum[0], axis=1).max() < 1e-9 * size
+    assert (np.abs(flight.wheel_speed) <= limit * (1.0 + 1e-11)).all()
+    spin = flight.wheel_speed * pyramid.wheels.inertia
+    expected = np.einsum("tij,tj->ti", flight.inertia, flight.omega) + spin @ pyramid.wheels.axes.T
+    np.testing.assert_allclose(flight.momentum, expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(flight.inertia[3] / flight.inertia[2], 0.8)
+
+
 # The default step, in intervals of a second
 
 
