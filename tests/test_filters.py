@@ -364,6 +364,138 @@ def test_estimate_converges_to_the_truth(skewed):
     assert np.linalg.norm(run.inertia[-1] - truth) / np.linalg.norm(truth) < 5e-3
 
 
+# The same, step by step, from random beliefs in which every term is large
+
+
+ROUGH = {
+    # briefing of a satellite whose every sensor is bad, so that all noises count
+    "gyro_noise_std": 2e-3,
+    "tachometer_noise_std": 2.0,
+    "disturbance_std": 1e-2,
+    "disturbance_walk": 2e-3,
+}
+SHAPES = [("skewed", "principal"), ("skewed", "full"), ("pyramid", "full")]
+
+
+def random_belief(fast, slow, rng: np.random.Generator, spread: float, theta: np.ndarray, scale: np.ndarray) -> None:
+    """The same mean and a full covariance in both; `spread` is the std of the moments relative to them."""
+    size, p = len(fast.mean), len(theta)
+    mixing = rng.normal(size=(size, size)) + 2.0 * np.eye(size)
+    correlation = mixing @ mixing.T
+    root = np.sqrt(np.diag(correlation))
+    std = np.concatenate([scale[:3], spread * theta[:3], np.full(p - 3, spread), scale[3:]])
+    covariance = correlation / np.outer(root, root) * np.outer(std, std)
+    mean = fast.mean
+    mean[3 : 3 + p] = theta
+    mean[3 + p :] += scale[3:] * rng.normal(size=len(scale) - 3)
+    fast._rows["mean"][0], fast._rows["covariance"][0] = mean, covariance
+    slow.filter.x, slow.filter.P = mean.copy(), covariance.copy()
+
+
+def assert_same_belief(fast, slow, tolerance: float = 1e-10) -> None:
+    std = np.sqrt(np.diag(slow.covariance))
+    np.testing.assert_allclose(fast.mean / std, slow.mean / std, rtol=tolerance, atol=tolerance)
+    size = np.outer(std, std)
+    np.testing.assert_allclose(fast.covariance / size, slow.covariance / size, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("spread", [0.2, 0.07, 0.03], ids=["coarse", "fair", "fine"])
+@pytest.mark.parametrize("substeps", [1, 3])
+@pytest.mark.parametrize(("name", "parameters"), SHAPES)
+def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, spread, request):
+    """Coarse and fair beliefs are iterated, fine ones not; rates on both sides of what passes for noise."""
+    satellite = request.getfixturevalue(name)
+    briefing = brief(satellite, SCENARIOS["default"]).replace(**ROUGH)
+    rng = np.random.default_rng(int(1000 * spread) + substeps)
+    settings = {"parameters": parameters, "substeps": substeps, "inertia_walk": 0.05}
+    fast, slow = MomentumEKF(**settings), FilterpyMomentumEKF(**settings)
+    n, theta = satellite.wheels.count, inertia_parameters(satellite.inertia, parameters)
+    # a tachometer's noise is 6e-4 to 9e-4 rad/s of body rate: 5 of these, less what the gyro takes away
+    for rates in ((0.3, -0.4, 0.2), (4.5e-3, -1.5e-3, 2.5e-3), (2.5e-3, 4.5e-3, -6e-3)):
+        speed = 200.0 * rng.uniform(-1.0, 1.0, n)
+        for filter in (fast, slow):
+            filter.reset(briefing, np.array(rates), speed)
+        assert_same_belief(fast, slow)
+        random_belief(fast, slow, rng, spread, theta, np.array([0.01] * 3 + [1e-3] * 3))
+        after = speed + 2.0 * rng.normal(size=n)
+        for filter in (fast, slow):
+            filter.predict(after, 0.3)
+        assert_same_belief(fast, slow)
+        gyro = np.array(rates) + 2e-3 * rng.normal(size=3)
+        assert fast.update(gyro, after) == pytest.approx(slow.update(gyro, after), rel=1e-7)
+        assert_same_belief(fast, slow, 1e-8)
+        assert fast.guarded == 0
+
+
+@pytest.mark.parametrize(("name", "parameters"), SHAPES)
+def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
+    satellite = request.getfixturevalue(name)
+    briefing = brief(satellite, SCENARIOS["default"])
+    rng = np.random.default_rng(4)
+    settings = {
+        "parameters": parameters,
+        "gyro_std": 0.02,
+        "wheel_speed_std": 3.0,
+        "rate_walk": 0.03,
+        "inertia_walk": 0.5,
+        "wheel_speed_walk": 2.0,
+        "prior_rate_std": 0.05,
+        "prior_inertia_std": 0.7,
+        "prior_wheel_speed_std": 4.0,
+    }
+    fast, slow = RateEKF(**settings), FilterpyRateEKF(**settings)
+    n, theta = satellite.wheels.count, inertia_parameters(satellite.inertia, parameters)
+    for _ in range(3):
+        speed, gyro = 200.0 * rng.uniform(-1.0, 1.0, n), 0.3 * rng.normal(size=3)
+        for filter in (fast, slow):
+            filter.reset(briefing, gyro, speed)
+        assert_same_belief(fast, slow)
+        random_belief(fast, slow, rng, 0.05, theta, np.array([0.02] * 3 + [5.0] * n))
+        after = speed + 5.0 * rng.normal(size=n)
+        for filter in (fast, slow):
+            filter.predict(after, 0.3)
+        assert_same_belief(fast, slow)
+        gyro, reading = gyro + 0.05 * rng.normal(size=3), after + 3.0 * rng.normal(size=n)
+        assert fast.update(gyro, reading) == pytest.approx(slow.update(gyro, reading), rel=1e-9)
+        assert_same_belief(fast, slow)
+        # what the next prediction starts from is the tachometers' last reading
+        for filter in (fast, slow):
+            filter.predict(reading, 0.3)
+        assert_same_belief(fast, slow)
+
+
+@pytest.mark.parametrize(
+    ("left", "fraction"), [(0.5, 1.0), (0.07, 1.0), (0.03, 0.5), (-0.8, 0.5), (-0.95, 0.25), (-59.0, 2.0**-6)]
+)
+@pytest.mark.parametrize(("name", "parameters"), SHAPES)
+def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parameters, left, fraction, request):
+    """A reading made so that the whole update would leave `left` of the prior of the first moment.
+
+    The whole mean moves by the same fraction of what filterpy's update says, and the covariance as ever.
+    """
+    satellite = request.getfixturevalue(name)
+    satellite = satellite.replace(inertia=np.diag(np.diag(satellite.inertia)))
+    briefing, n = brief(satellite, SCENARIOS["default"]), satellite.wheels.count
+    fast, slow = RateEKF(parameters=parameters), FilterpyRateEKF(parameters=parameters)
+    speed = np.full(n, 10.0)
+    for filter in (fast, slow):
+        filter.reset(briefing, (0.0, 0.0, 0.0), speed)
+    covariance = slow.filter.P
+    covariance[0, 3] = covariance[3, 0] = 0.5 * np.sqrt(covariance[0, 0] * covariance[3, 3])
+    fast._rows["covariance"][0] = covariance
+    gain = covariance[3, 0] / (covariance[0, 0] + 1e-6)
+    moment = satellite.inertia[0, 0]
+    gyro = np.array([(left - 1.0) * moment / gain, 0.0, 0.0])
+    before = fast.mean
+    slow.filter.P = covariance.copy()
+    fast.update(gyro, speed)
+    slow.update(gyro, speed)
+    assert slow.mean[3] == pytest.approx(left * moment, rel=1e-9)
+    np.testing.assert_allclose(fast.mean, before + fraction * (slow.mean - before), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(fast.covariance, slow.covariance, rtol=1e-9, atol=1e-15)
+    assert fast.guarded == (fraction < 1.0)
+
+
 # What must never break
 
 

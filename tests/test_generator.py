@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from satid_gym import InertiaLaw, LawRanges, SatInertiaIDEnv, Satellite
+from satid_gym import InertiaLaw, LawRanges, Satellite, SatInertiaIDEnv
 from satid_gym.core.random import normal, uniform
 from satid_gym.env import DRAW_FAILED, seed_stream
 from satid_gym.laws import INERTIA_MODES
