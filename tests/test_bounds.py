@@ -96,6 +96,7 @@ def test_rate_cap_by_hand() -> None:
 
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 @pytest.mark.parametrize("parameters", ["principal", "full"])
+@pytest.mark.compiled
 def test_envelope_bound_is_below_the_posterior_bound(parameters: str, walk: float) -> None:
     satellite = SATELLITES["microsat"]
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
@@ -143,6 +144,7 @@ def swings(satellite: Satellite, commands: np.ndarray) -> Course:
 
 @pytest.mark.parametrize("name", ["cubesat", "smallsat"])
 @pytest.mark.parametrize("walk", [0.0, 0.004])
+@pytest.mark.compiled
 def test_no_excitation_that_search_finds_beats_the_envelope_bound(name: str, walk: float) -> None:
     """Cross-entropy search over rate plans of 30 s for the least final error of all."""
     satellite = SATELLITES[name]

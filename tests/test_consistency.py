@@ -30,6 +30,8 @@ STATIC = {"name": "momentum", "inertia_walk": 0.0}
 INSTANTS = np.array([120, 180, 240, 300]) - 1
 EARLY = np.array([10, 30, 60]) - 1
 
+pytestmark = pytest.mark.compiled  # hundreds of episodes
+
 
 def square_wave(observation: np.ndarray, step: int) -> np.ndarray:
     """Persistent excitation inside the envelope: rates follow square waves of 30 s, 10 s apart, at 0.8 of the limit."""

@@ -192,6 +192,7 @@ def kinetic_energy(satellite: Satellite, flight: Trajectory) -> np.ndarray:
 
 @pytest.mark.parametrize("mode", LAWS)
 @pytest.mark.parametrize("name", [*SATELLITES, "pyramid"])
+@pytest.mark.compiled
 def test_momentum_is_conserved_while_wheels_saturate(name, mode, pyramid):
     """Wheels driven into their limits and back, the body tumbling at up to 1 rad/s, J varying."""
     satellite, law = SATELLITES.get(name, pyramid), LAWS[mode]
@@ -210,6 +211,7 @@ def test_momentum_is_conserved_while_wheels_saturate(name, mode, pyramid):
     assert np.linalg.norm(momentum - momentum[0], axis=1).max() < 1e-9 * size[0]
 
 
+@pytest.mark.compiled
 def test_momentum_is_what_its_definition_says(pyramid):
     flight = simulate(pyramid, square_wave(pyramid, 60), 1.0, omega0=(0.01, -0.02, 0.015), law=LAWS["drift"])
     spin = flight.wheel_speed * pyramid.wheels.inertia
@@ -218,6 +220,7 @@ def test_momentum_is_what_its_definition_says(pyramid):
 
 
 @pytest.mark.parametrize("name", ["microsat", "skewed", "pyramid"])
+@pytest.mark.compiled
 def test_kinetic_energy_is_constant_without_torque(name, request):
     satellite = request.getfixturevalue(name)
     speed = 300.0 * np.resize([1.0, -0.5, 0.7, -0.9], satellite.wheels.count)
@@ -253,6 +256,7 @@ def test_only_motors_and_external_torque_do_work(pyramid):
     assert abs(work) > 1.0
 
 
+@pytest.mark.compiled
 def test_runge_kutta_has_order_four(microsat):
     """Slope of log error over log step, by regression; a tumble fast enough that rounding stays far below."""
     torque = square_wave(microsat, 20, period=8.0)
@@ -296,6 +300,7 @@ def test_single_axis_with_growing_inertia_in_closed_form(microsat):
     np.testing.assert_allclose(flight.omega[:, 0], -u * t / (inertia - j), rtol=1e-9)
 
 
+@pytest.mark.compiled
 def test_symmetric_top_precesses_in_closed_form():
     """Torque-free, the wheels across at rest in space: omega turns about z at ((C - A) omega_z + h) / A.
 
@@ -316,6 +321,7 @@ def test_symmetric_top_precesses_in_closed_form():
 
 @pytest.mark.parametrize("mode", INERTIA_MODES)
 @pytest.mark.parametrize(("last_speed", "tolerance"), [(-400.0, 1e-12), (-800.0, 1e-9)], ids=["free", "saturating"])
+@pytest.mark.compiled
 def test_turning_the_body_frame_changes_nothing(mode, last_speed, tolerance, skewed):
     """Inertia, axes, rates and body-fixed torques in another body frame; attitude makes up for it."""
     turn = Rotation.from_rotvec([0.7, -1.1, 0.4])
@@ -348,6 +354,7 @@ def test_turning_the_body_frame_changes_nothing(mode, last_speed, tolerance, ske
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize("disturbance", [NO_TORQUE, ALL_TORQUES], ids=["torque_free", "disturbed"])
 @pytest.mark.parametrize("name", ["microsat", "pyramid"])
+@pytest.mark.compiled
 def test_equals_the_textbook(name, disturbance, law, request):
     satellite = request.getfixturevalue(name)
     torque = square_wave(satellite, 120)
@@ -365,6 +372,7 @@ def test_equals_the_textbook(name, disturbance, law, request):
 
 @pytest.mark.parametrize("mode", ["static", "drift", "periodic"])
 @pytest.mark.parametrize("name", ["microsat", "pyramid"])
+@pytest.mark.compiled
 def test_equals_the_textbook_while_wheels_saturate(name, mode, request):
     """Into the limit with full torque, coasting there with none, gently back, and out again."""
     satellite = request.getfixturevalue(name)
@@ -485,12 +493,14 @@ def heavy_wheels() -> dict[str, tuple[Trajectory, Trajectory]]:
 
 
 @pytest.mark.parametrize("name", SATELLITES)
+@pytest.mark.compiled
 def test_default_substeps_are_good_for_1e8_rad_per_s(name, heavy_wheels):
     default, fine = heavy_wheels[name]
     assert np.abs(default.omega - fine.omega).max() < 1e-8
 
 
 @pytest.mark.parametrize("name", SATELLITES)
+@pytest.mark.compiled
 def test_default_substeps_conserve_momentum(name):
     satellite = SATELLITES[name]
     flight = simulate(satellite, square_wave(satellite, 300, 1.0), 1.0, omega0=(0.01, -0.02, 0.015))
@@ -501,6 +511,7 @@ def test_default_substeps_conserve_momentum(name):
 # Limits
 
 
+@pytest.mark.compiled
 @settings(max_examples=60)
 @given(data=st.data())
 def test_no_command_gets_past_the_limits(data):
@@ -533,6 +544,7 @@ def test_a_torque_within_the_limits_is_applied_as_commanded(pyramid):
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.compiled
 def test_plant_flies_the_law_it_is_scored_against(law, skewed):
     flight = simulate(skewed, square_wave(skewed, 300), 1.0, law=law)
     change = law.size * skewed.inertia if law.change is None else law.change

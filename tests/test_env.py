@@ -99,6 +99,7 @@ def test_make_and_make_vec_agree_on_the_horizon():
     np.testing.assert_array_equal(one.step(action)[0], many.step(action[None])[0][0])
 
 
+@pytest.mark.compiled
 def test_a_new_process_finds_it_by_its_module_name():
     code = "import gymnasium; gymnasium.make('satid_gym:SatInertiaID-v0').reset(seed=0)"
     subprocess.run([sys.executable, "-W", "error::DeprecationWarning:satid_gym", "-c", code], check=True)
@@ -430,6 +431,7 @@ def test_draws_beside_the_impossible_are_drawn_again():
     ],
 )
 @pytest.mark.parametrize("net", [False, True])
+@pytest.mark.compiled
 def test_a_plugged_in_filter_gives_what_the_compiled_one_gives(foreign, own, settings, net):
     reward = {"net": net}
     compiled = SatInertiaIDEnv(estimator={"name": own} | settings, reward=reward)

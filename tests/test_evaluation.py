@@ -109,6 +109,7 @@ def test_seeds_that_do_not_exist():
 
 
 @pytest.mark.parametrize(("mode", "expected"), [("static", 1.0), ("step", 1.1), ("drift", 1.05), ("periodic", 1.0)])
+@pytest.mark.compiled
 def test_benchmark_flies_the_laws_of_the_paper(mode, expected):
     env = satid_gym.SatInertiaIDEnv("microsat", mode, benchmark_scenario())
     _, info = env.reset(seed=7)
@@ -145,6 +146,7 @@ def test_flight_equals_the_single_environment():
         assert flight.effort[-1, i] == pytest.approx((0.02**2 + 0.01**2) / 3.0, rel=1e-6)
 
 
+@pytest.mark.compiled
 def test_policies_of_a_cell_fly_the_same_episodes():
     cell = {"satellite": "cubesat", "inertia": "random", "seeds": seeds("test", 4), "scenario": "default"}
     one, other = Constant(0.1, 0.0, 0.0), Constant(0.0, 0.0, -0.1)
@@ -153,6 +155,7 @@ def test_policies_of_a_cell_fly_the_same_episodes():
     assert len(np.unique(one.first, axis=0)) == 4
 
 
+@pytest.mark.compiled
 def test_termination_is_not_forgiven():
     flight = fly(Constant(1.0, 1.0, 1.0), satellite="cubesat", inertia="static", seeds=seeds("test", 5))
     last = flight.alive.sum(axis=0) - 1  # decision that ended it: 0.01 N m on 0.26 kg m^2 takes 4 s to 0.15 rad/s
@@ -200,6 +203,7 @@ def test_scores_by_hand():
     ("inertia", "scenario", "time"),
     [("step", benchmark_scenario(), 150.0), ("step", "default", None), ("drift", benchmark_scenario(), None)],
 )
+@pytest.mark.compiled
 def test_step_time_is_known_where_all_episodes_share_it(inertia, scenario, time):
     flight = fly(Constant(0.0, 0.0, 0.0), satellite="smallsat", inertia=inertia, seeds=[0, 1], scenario=scenario)
     assert flight.step_time == time

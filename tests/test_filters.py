@@ -303,6 +303,7 @@ def test_first_covariance_is_that_of_samples(parameters, states):
     [(MomentumEKF, FilterpyMomentumEKF), (RateEKF, FilterpyRateEKF)],
     ids=["momentum", "rate"],
 )
+@pytest.mark.compiled
 def test_compiled_equals_filterpy_over_an_episode(fast, slow, mode, microsat):
     readings = fly(microsat, mode)
     run = fast().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
@@ -319,6 +320,7 @@ def test_compiled_equals_filterpy_over_an_episode(fast, slow, mode, microsat):
         ("pyramid", MomentumEKF, FilterpyMomentumEKF),
     ],
 )
+@pytest.mark.compiled
 def test_compiled_equals_filterpy_on_the_full_tensor(name, fast, slow, request):
     readings = fly(request.getfixturevalue(name), "drift")
     run = fast(parameters="full").run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
@@ -326,6 +328,7 @@ def test_compiled_equals_filterpy_on_the_full_tensor(name, fast, slow, request):
     assert_equal_filters(run, run_slowly(slow(parameters="full"), readings))
 
 
+@pytest.mark.compiled
 def test_compiled_equals_filterpy_with_substeps(microsat):
     readings = fly(microsat, "static", seconds=60)
     settings = {"substeps": 3, "inertia_walk": 0.01}
@@ -343,6 +346,7 @@ def test_run_equals_reading_by_reading(new, microsat):
     np.testing.assert_array_equal(run.nis, nis)
 
 
+@pytest.mark.compiled
 def test_unscented_filter_agrees_once_converged(microsat):
     """What linearisation costs: a few percent of a standard deviation."""
     readings = fly(microsat, "static", seconds=180)
@@ -354,6 +358,7 @@ def test_unscented_filter_agrees_once_converged(microsat):
     np.testing.assert_allclose(np.sqrt(np.einsum("tii->ti", covariance[late])), std, rtol=0.005)
 
 
+@pytest.mark.compiled
 def test_estimate_converges_to_the_truth(skewed):
     """All six parameters, within five of their standard deviations and to half a percent of the tensor."""
     readings = fly(skewed, "static")
@@ -501,6 +506,7 @@ def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parame
 
 @pytest.mark.parametrize("new", [MomentumEKF, RateEKF])
 @pytest.mark.parametrize("calm", [True, False], ids=["flight", "wild"])
+@pytest.mark.compiled
 def test_covariance_stays_symmetric_and_positive_definite_over_1e5_steps(new, calm, microsat):
     """Ten thousand seconds of flight, and as many of readings that no body can give."""
     if calm:

@@ -54,6 +54,7 @@ def relative(fit, satellite):
 @pytest.mark.parametrize(
     ("name", "parameters"), [("microsat", "principal"), ("microsat", "full"), ("skewed", "full"), ("pyramid", "full")]
 )
+@pytest.mark.compiled
 def test_momentum_methods_recover_the_truth(method, name, parameters, request):
     satellite = request.getfixturevalue(name)
     fit = method(known(satellite), *record(satellite), parameters=parameters)
@@ -63,6 +64,7 @@ def test_momentum_methods_recover_the_truth(method, name, parameters, request):
 
 
 @pytest.mark.parametrize(("method", "order"), [(differentiated, 2.0), (momentum_form, 2.0)])
+@pytest.mark.compiled
 def test_error_goes_with_the_square_of_the_sample_period(method, order, skewed):
     periods = [0.4, 0.2, 0.1]
     errors = [relative(method(known(skewed), *record(skewed, dt), parameters="full"), skewed) for dt in periods]
@@ -78,6 +80,7 @@ def test_logged_acceleration_is_used(microsat):
     assert 0.05 < relative(wrong, microsat) < 0.2
 
 
+@pytest.mark.compiled
 def test_unknown_torque_is_estimated(skewed):
     data = record(skewed, duration=200.0, disturbance=(2e-4, -3e-4, 1e-4))
     without = momentum_form(known(skewed), *data, parameters="full")
@@ -108,6 +111,7 @@ def noisy_estimates(method, satellite, std, count, bias=0.1):
 
 @pytest.mark.parametrize("bias", [0.0, 0.1])
 @pytest.mark.parametrize("method", MOMENTUM_METHODS)
+@pytest.mark.compiled
 def test_covariance_is_the_scatter(method, bias, microsat):
     """With momentum in the wheels the attitude's random walk counts as much as the reading's own noise."""
     count = 150
@@ -118,6 +122,7 @@ def test_covariance_is_the_scatter(method, bias, microsat):
     assert low < nees.mean() < high
 
 
+@pytest.mark.compiled
 def test_instrument_removes_the_bias_of_noise(microsat):
     """Noise of variance s^2 on a regressor of variance v shrinks least squares by s^2 / (v + s^2)."""
     std, count = 2.5e-3, 60
@@ -174,6 +179,7 @@ def test_public_name():
 
 
 @pytest.mark.parametrize("method", [differentiated, *MOMENTUM_METHODS])
+@pytest.mark.compiled
 def test_estimate_of_a_flat_plate_is_physical(method):
     plate = SATELLITES["microsat"].replace(name="plate", inertia=np.array([3.0, 4.0, 6.99]))
     gyro, speed, dt = record(plate, dt=0.5, duration=100.0)

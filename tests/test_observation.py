@@ -82,6 +82,7 @@ def test_every_part_by_its_definition(name, recorder):
 
 
 @pytest.mark.parametrize("name", SATELLITES)
+@pytest.mark.compiled
 def test_observation_is_of_order_one_in_ordinary_flight(name):
     env = SatInertiaIDEnv(name)
     seen = []
@@ -99,6 +100,7 @@ def test_observation_is_of_order_one_in_ordinary_flight(name):
     assert np.abs(seen).mean() > 0.1
 
 
+@pytest.mark.compiled
 def test_observation_is_finite_and_bounded_whatever_the_action():
     env = SatInertiaIDEnv("random", scenario={"termination_factor": 1e6})
     rng = np.random.default_rng(0)

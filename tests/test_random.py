@@ -76,6 +76,7 @@ def test_bits_are_those_of_xoshiro256_plus_plus(state):
     assert words(np.array(state, np.uint64), 1000).tolist() == xoshiro256_plus_plus(state, 1000)
 
 
+@pytest.mark.compiled
 def test_every_bit_is_fair():
     """Share of ones in each of the 64 bits: binomial, 64 two-sided tests at once."""
     drawn = words(stream(1), 100_000)
@@ -84,6 +85,7 @@ def test_every_bit_is_fair():
     assert np.abs(score).max() < scipy.stats.norm.isf(LEVEL / 64 / 2)
 
 
+@pytest.mark.compiled
 def test_uniform_is_uniform():
     x = uniforms(stream(2), N)
     assert scipy.stats.kstest(x, "uniform").pvalue > LEVEL
@@ -106,6 +108,7 @@ def test_uniform_stays_inside_its_interval(state, word):
     assert 0.0 < value < 1.0
 
 
+@pytest.mark.compiled
 def test_between_spans_its_bounds():
     x = between_values(stream(3), -2.0, 5.0, 100_000)
     assert scipy.stats.kstest(x, "uniform", args=(-2.0, 7.0)).pvalue > LEVEL
@@ -116,12 +119,14 @@ def deviates() -> np.ndarray:
     return normals(stream(4), N)
 
 
+@pytest.mark.compiled
 def test_normal_is_normal(deviates):
     assert scipy.stats.kstest(deviates, "norm").pvalue > LEVEL
     edges = scipy.stats.norm.ppf(np.linspace(0.0, 1.0, 501))
     assert scipy.stats.chisquare(np.histogram(deviates, edges)[0]).pvalue > LEVEL
 
 
+@pytest.mark.compiled
 def test_moments_of_normal(deviates):
     """The first four, each within its standard error."""
     moments = [deviates.mean(), deviates.var() - 1.0, (deviates**3).mean(), (deviates**4).mean() - 3.0]
@@ -129,6 +134,7 @@ def test_moments_of_normal(deviates):
     assert np.all(np.abs(moments) < scipy.stats.norm.isf(LEVEL / 8) * errors)
 
 
+@pytest.mark.compiled
 def test_tails_of_normal(deviates):
     """Beyond 3.4426 another part of the ziggurat's code draws: how often, how far, and on which side."""
     edge = 3.442619855899
@@ -140,6 +146,7 @@ def test_tails_of_normal(deviates):
     assert scipy.stats.kstest(depth, "uniform").pvalue > LEVEL
 
 
+@pytest.mark.compiled
 def test_normal_deviates_are_independent(deviates):
     """Correlation at the first lags, of values and of squares."""
     for series in (deviates, deviates**2 - 1.0):
@@ -148,6 +155,7 @@ def test_normal_deviates_are_independent(deviates):
         assert np.abs(lags).max() * np.sqrt(N) < scipy.stats.norm.isf(LEVEL / 20 / 2)
 
 
+@pytest.mark.compiled
 def test_streams_of_neighbouring_seeds_are_independent():
     count = 100_000
     drawn = np.array([normals(stream(seed), count) for seed in range(8)])
@@ -157,6 +165,7 @@ def test_streams_of_neighbouring_seeds_are_independent():
     assert len(np.unique(heads)) == len(heads), "no stream meets another"
 
 
+@pytest.mark.compiled
 def test_environments_draw_from_different_streams():
     """First gyro readings of 2000 seeds, whitened by what they are made of, look like one normal sample."""
     env = SatInertiaIDVectorEnv(2000, scenario={"initial_rate_std": 0.0, "disturbance_scale": 0.0})

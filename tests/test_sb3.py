@@ -107,6 +107,7 @@ def test_what_compiled_environments_have_not_is_said(adapter):
     assert adapter.env_is_wrapped(object) == [False] * 5
 
 
+@pytest.mark.compiled
 def test_ppo_learns_through_it():
     model = PPO("MlpPolicy", SatInertiaIDVecEnv(8), n_steps=16, batch_size=64, n_epochs=1, device="cpu")
     model.learn(256)

@@ -76,6 +76,7 @@ def test_equals_filterpy(parameters, pyramid):
     assert_same(run, x + np.array(shift), p)
 
 
+@pytest.mark.compiled
 def test_equals_the_batch_gaussian_solution(skewed):
     """All states at once: affine functions of independent unit normals, conditioned on all readings."""
     known, gyro, wheel_speed, _ = flight(skewed, 12)
@@ -131,6 +132,7 @@ def test_transition_is_the_filters(substeps, skewed):
         np.testing.assert_allclose((sides[0] - sides[1]) / (2.0 * step), jacobian[:, j], rtol=1e-5, atol=1e-8)
 
 
+@pytest.mark.compiled
 def test_ends_where_the_filter_ends_and_knows_more_before(microsat):
     known, gyro, wheel_speed, _ = flight(microsat, 200)
     forward = MomentumEKF().run(known, gyro, wheel_speed, 0.5)
@@ -151,6 +153,7 @@ def test_a_certain_state_stays_certain(microsat):
     assert (run.covariance[:, 6:] == 0.0).all()
 
 
+@pytest.mark.compiled
 def test_consistent_over_a_hundred_flights(microsat):
     """Static inertia and disturbance drawn from the prior, no random walks: NEES is chi-square."""
     rng = np.random.default_rng(11)

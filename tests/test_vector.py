@@ -48,6 +48,7 @@ def singles() -> list[list]:
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("count", [1, 2, 64, 1000])
+@pytest.mark.compiled
 def test_environment_i_equals_the_single_one_seeded_s_plus_i(count, threads, singles):
     env = SatInertiaIDVectorEnv(count, **SETTINGS, num_threads=threads)
     observation, info = env.reset(seed=100)
@@ -67,6 +68,7 @@ def test_environment_i_equals_the_single_one_seeded_s_plus_i(count, threads, sin
     assert ends >= 3 * min(count, 64)
 
 
+@pytest.mark.compiled
 def test_a_thousand_are_the_same_on_two_threads():
     flights = []
     for threads in (1, 2):
@@ -175,6 +177,7 @@ def test_stagger_spreads_the_first_ends():
 
 @pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))], ids=["copy", "pickle"])
 @pytest.mark.parametrize("count", [3, 64])
+@pytest.mark.compiled
 def test_a_copy_in_mid_flight_goes_on_as_the_original(copy_of, count):
     env = SatInertiaIDVectorEnv(count, **SETTINGS, num_threads=2)
     env.reset(seed=0)
