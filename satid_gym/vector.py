@@ -18,7 +18,7 @@ from gymnasium.vector.utils import batch_space
 from satid_gym.config import check_flag, check_whole, unknown_name
 from satid_gym.core import episode
 from satid_gym.core.records import report_dtype
-from satid_gym.env import BROKEN, DRAW_FAILED, INFO_KEYS, make_spaces, option_templates, seed_stream
+from satid_gym.env import BROKEN, DRAW_FAILED, INFO_KEYS, make_spaces, option_templates, real_action, seed_stream
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.problem import (
@@ -86,7 +86,10 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if num_threads is not None:
             num_threads = check_whole("num_threads", num_threads)
         if render_mode is not None:
-            raise unknown_name("render mode of the vector environment", render_mode, ["None"])
+            raise ValueError(
+                f"unknown render mode {render_mode!r} of the vector environment: it draws nothing, so expected None; "
+                'the single environment does, also with gymnasium.make_vec(..., vectorization_mode="sync")'
+            )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps)
@@ -221,8 +224,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             gymnasium.error.ResetNeeded: an episode is over and autoreset is disabled, or nothing was reset yet.
             FloatingPointError: a filter's covariance broke.
         """
-        with np.errstate(over="ignore"):  # what overflows is infinite, and refused below
-            actions = np.asarray(actions, dtype=np.float32)
+        actions = real_action("actions", actions)
         if actions.shape != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")
         if not np.isfinite(actions).all():
@@ -307,6 +309,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             ValueError: an array is missing or of another type or shape; nothing has changed.
         """
+        if not isinstance(state, Mapping):
+            raise ValueError(f"state must be what state() returned, got {type(state).__name__}")
         for name in _STATE:
             own = getattr(self, f"_{name}")
             if name not in state or state[name].dtype != own.dtype or state[name].shape != own.shape:
