@@ -65,6 +65,22 @@ def seed_stream(rng: np.random.Generator) -> np.ndarray:
     return rng.integers(1, 2**64, size=4, dtype=np.uint64)
 
 
+def real_action(name: str, value: object) -> np.ndarray:
+    """What an agent chose as float32; what overflows is infinite.
+
+    Raises:
+        ValueError: it is not numeric.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.array(None)  # rows of different lengths
+    if array.dtype.kind not in "iufb":
+        raise ValueError(f"{name} must be numbers, got {value!r}")
+    with np.errstate(over="ignore"):
+        return array.astype(np.float32, order="C")  # always a copy: numba compiles anew for read-only or strided ones
+
+
 def option_templates(p: Problem, options: Mapping[str, Any]) -> Templates:
     """Templates of one episode with other settings.
 
@@ -280,8 +296,7 @@ where positive |
             gymnasium.error.ResetNeeded: the episode is over or was never started.
             FloatingPointError: the filter's covariance broke.
         """
-        with np.errstate(over="ignore"):  # what overflows is infinite, and refused below
-            action = np.asarray(action, dtype=np.float32)
+        action = real_action("action", action)
         if action.shape != self.action_space.shape:
             raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
         if not np.isfinite(action).all():
