@@ -61,6 +61,17 @@ class LawRanges(Config):
     """Ranges from which an episode's law is drawn, uniformly; (low, high) each, times relative to the horizon.
 
     The defaults are the randomised laws for training; `PAPER_LAWS` are the paper's exact ones.
+
+    Attributes:
+        step_size: change of the step, relative to the inertia.
+        step_time: when it comes.
+        drift_size: change that the drift has reached at the horizon, relative to the inertia.
+        periodic_size: amplitude of the oscillation, relative to the inertia.
+        frequency: of the oscillation, Hz.
+        phase: of the oscillation, rad.
+
+    Raises:
+        ValueError: a range is reversed or goes beyond what makes sense; the message says what does.
     """
 
     step_size: tuple[float, float] = (0.05, 0.15)
