@@ -72,14 +72,19 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
 
 def written(text: str) -> str:
     """The README with its tables made anew from the committed results."""
-    text = _between(text, "results", results_table(json.loads((RESULTS / "compare.json").read_text())))
-    return _between(text, "benchmark", benchmark_table(json.loads((RESULTS / "benchmark.json").read_text())))
+    text = between(text, "results", results_table(json.loads((RESULTS / "compare.json").read_text())))
+    return between(text, "benchmark", benchmark_table(json.loads((RESULTS / "benchmark.json").read_text())))
 
 
-def _between(text: str, name: str, content: str) -> str:
-    start, end = f"<!-- {name}: python -m agents.readme -->", f"<!-- end of {name} -->"
+def between(text: str, name: str, content: str, source: str = "agents.readme") -> str:
+    """The text with what stands between the marks of `name` made anew.
+
+    Raises:
+        ValueError: a mark is missing.
+    """
+    start, end = f"<!-- {name}: python -m {source} -->", f"<!-- end of {name} -->"
     if start not in text or end not in text:
-        raise ValueError(f"README.md must hold the lines {start!r} and {end!r}")
+        raise ValueError(f"the text must hold the lines {start!r} and {end!r}")
     head, _, rest = text.partition(start)
     return f"{head}{start}\n{content}\n{end}{rest.partition(end)[2]}"
 

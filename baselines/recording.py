@@ -34,6 +34,7 @@ class Recording:
     Attributes:
         course: the truth.
         dt: s between two instants.
+        attitude: (N, T, 4) quaternion, body to inertial, scalar last.
         gyro, tachometer: (N, T, 3) and (N, T, n) readings, rad/s.
         theta: (N, T, p) estimate, kg m^2.
         covariance: (N, T, p, p) of it, as the filter believed.
@@ -43,6 +44,7 @@ class Recording:
 
     course: Course
     dt: float
+    attitude: np.ndarray
     gyro: np.ndarray
     tachometer: np.ndarray
     theta: np.ndarray
@@ -109,7 +111,7 @@ def _fly(
     rows, length = len(seeds), world.decisions * world.samples + 1
     p = state["beliefs"]["prior_theta"].shape[1]
     shapes = {"momentum": (3,), "rate": (3,), "wheel_speed": (n,), "inertia": (3, 3), "torque": (3,)}
-    shapes |= {"gyro": (3,), "tachometer": (n,), "theta": (p,), "covariance": (p, p)}
+    shapes |= {"gyro": (3,), "tachometer": (n,), "theta": (p,), "covariance": (p, p), "attitude": (4,)}
     series = {name: np.zeros((rows, length, *shape)) for name, shape in shapes.items()}
     rngs = [np.random.default_rng([seed, 2]) for seed in seeds]
     work, cost = new_work(n, posed.estimator), np.zeros(rows)
@@ -123,7 +125,7 @@ def _fly(
             actions[:] = policy(state["observations"].copy())
         decide_many(t, actions, steps, *records, *series.values())
         cost += state["reports"]["cost"] if t >= 0 else 0.0
-    readings = {name: series.pop(name) for name in ("gyro", "tachometer", "theta", "covariance")}
+    readings = {name: series.pop(name) for name in ("gyro", "tachometer", "theta", "covariance", "attitude")}
     return Recording(
         course=Course(**series),
         dt=world.sample_period,
@@ -144,9 +146,11 @@ def _walk_truth(plant, step):
 
 
 @inline
-def _note(k, plant, belief, momentum, rate, wheel_speed, inertia, torque, gyro, tachometer, theta, covariance):
+def _note(
+    k, plant, belief, momentum, rate, wheel_speed, inertia, torque, gyro, tachometer, theta, covariance, attitude
+):  # fmt: skip
     momentum[k], rate[k], wheel_speed[k] = plant.momentum, plant.rate, plant.wheel_speed
-    gyro[k], tachometer[k] = plant.gyro, plant.tachometer
+    gyro[k], tachometer[k], attitude[k] = plant.gyro, plant.tachometer, plant.attitude
     store_symmetric(inertia[k], inertia_at(plant, plant.time))
     q = plant.attitude
     tensor = load_symmetric(inertia[k])
@@ -161,7 +165,7 @@ def _note(k, plant, belief, momentum, rate, wheel_speed, inertia, torque, gyro, 
 def _build_decide_many(fingerprint):
     def decide_many(
         decision, actions, steps, plants, beliefs, tasks, work, reports, observations,
-        momentum, rate, wheel_speed, inertia, torque, gyro, tachometer, theta, covariance,
+        momentum, rate, wheel_speed, inertia, torque, gyro, tachometer, theta, covariance, attitude,
     ):  # fmt: skip
         """One decision of every row with all its samples noted; decision -1 notes the start alone."""
         fingerprint  # noqa: B018
@@ -171,7 +175,7 @@ def _build_decide_many(fingerprint):
             if decision < 0:
                 _note(
                     0, plant, belief, momentum[i], rate[i], wheel_speed[i], inertia[i], torque[i], gyro[i],
-                    tachometer[i], theta[i], covariance[i],
+                    tachometer[i], theta[i], covariance[i], attitude[i],
                 )  # fmt: skip
                 continue
             episode.command(plant, task, work[0], report, actions[i])
@@ -182,7 +186,7 @@ def _build_decide_many(fingerprint):
                 report.nis = episode.condition(belief, work[0], plant.gyro, plant.tachometer)
                 _note(
                     first + s, plant, belief, momentum[i], rate[i], wheel_speed[i], inertia[i], torque[i], gyro[i],
-                    tachometer[i], theta[i], covariance[i],
+                    tachometer[i], theta[i], covariance[i], attitude[i],
                 )  # fmt: skip
             episode.conclude(plant, belief, task, work[0], report, observations[i])
 

@@ -6,6 +6,7 @@ Machines differ and are shared: quote ratios of figures from one run.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import platform
@@ -73,6 +74,24 @@ def single_rate() -> float:
     return _best_rate(work)
 
 
+def frame_rate() -> float:
+    """Frames a second that `render()` draws at 480 x 480, through an episode."""
+    env = gymnasium.make("SatInertiaID-v0", render_mode="rgb_array")
+    action = np.array([0.05, -0.05, 0.05], np.float32)
+
+    def work() -> int:
+        env.reset(seed=0)
+        for i in range(60):
+            for _ in range(5):
+                env.step(action if i % 4 < 2 else -action)
+            env.render()
+        return 60
+
+    rate = _best_rate(work)
+    env.close()
+    return rate
+
+
 def filter_rates() -> tuple[float, float]:
     """Filter steps a second on the same readings: compiled, and filterpy with the same model in Python."""
     satellite = SATELLITES["microsat"]
@@ -130,7 +149,7 @@ def measure() -> dict[str, Any]:
     """Every figure, by name."""
     compiled, reference = filter_rates()
     cold, warm = first_steps()
-    return {
+    figures = {
         "vector_1024_filter_steps_per_s": vector_rate(1024),
         "vector_1024_one_thread_filter_steps_per_s": vector_rate(1024, num_threads=1),
         "vector_64_filter_steps_per_s": vector_rate(64),
@@ -142,6 +161,9 @@ def measure() -> dict[str, Any]:
         "first_step_warm_s": warm,
         "bytes_per_environment": memory_per_environment(),
     }
+    if importlib.util.find_spec("pygame"):
+        figures["rendered_frames_per_s"] = frame_rate()
+    return figures
 
 
 def main() -> None:

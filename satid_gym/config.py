@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import json
+import types
+import typing
 from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> ValueError:
     """The error for a name that is not among the valid ones, with the nearest one where there is any."""
-    names = sorted(valid)
+    names = sorted(map(str, valid))
     near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
     return ValueError(f"unknown {kind} {name!r}; expected one of {names}.{hint}")
@@ -26,8 +29,11 @@ def real_array(name: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray
         ValueError: not numeric, not finite or of another shape.
     """
     try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asarray(value)
+        if given.dtype.kind not in "iufO":  # text and booleans would pass for numbers
+            raise ValueError(f"it holds {given.dtype}")
+        array = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numeric, got {value!r}") from error
     if shapes and array.shape not in shapes:
         expected = " or ".join(map(str, shapes))
@@ -44,9 +50,9 @@ def check_number(name: str, value: object, *, low: float = 0.0, strict: bool = F
     Raises:
         ValueError: not a finite number, or out of bounds.
     """
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+    if not _is_a(value, float):
         raise ValueError(f"{name} must be a number, got {value!r}")
-    number = float(value)
+    number = _number(value)
     beyond = number <= low if strict else number < low
     if not np.isfinite(number) or beyond or number > high:
         bound = f"{'more than' if strict else 'at least'} {low:g}" + (
@@ -56,8 +62,42 @@ def check_number(name: str, value: object, *, low: float = 0.0, strict: bool = F
     return number
 
 
+def check_whole(name: str, value: object, *, low: int = 1, high: int | None = None) -> int:
+    """`value` as a whole number within [low, high].
+
+    Raises:
+        ValueError: not a whole number, or out of bounds.
+    """
+    if not _is_a(value, int) or value < low:  # type: ignore[operator]
+        raise ValueError(f"{name} must be a whole number of at least {low}, got {value!r}")
+    if high is not None and value > high:  # type: ignore[operator]
+        raise ValueError(f"{name} must be at most {high}, got {value!r}")
+    return int(value)  # type: ignore[call-overload]
+
+
+def check_flag(name: str, value: object) -> bool:
+    """`value` as True or False.
+
+    Raises:
+        ValueError: anything else.
+    """
+    if not _is_a(value, bool):
+        raise ValueError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
+
+
 class Config:
-    """Base of the settings: equality by value, JSON both ways, unknown names refused."""
+    """Base of the settings: types as annotated, equality by value, JSON both ways, unknown names refused."""
+
+    def __post_init__(self) -> None:
+        """Hold every field that is annotated with a plain type against it, and keep it as that type.
+
+        Raises:
+            ValueError: a value is of another type.
+        """
+        for name, kind in _annotations(type(self)).items():  # type: ignore[arg-type]
+            value = _typed(name, kind, getattr(self, name), type(self).__name__)
+            object.__setattr__(self, name, value)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON-able values of every field."""
@@ -70,6 +110,8 @@ class Config:
         Raises:
             ValueError: a name is unknown, or a value is not valid.
         """
+        if not isinstance(values, Mapping):
+            raise ValueError(f"settings of {cls.__name__} must be a mapping of names to values, got {values!r}")
         valid = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type]
         for name in values:
             if name not in valid:
@@ -89,6 +131,55 @@ class Config:
 
     def __hash__(self) -> int:
         return hash((type(self).__name__, json.dumps(self.to_dict(), sort_keys=True)))
+
+
+_KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
+    bool: ("True or False", (bool, np.bool_)),
+    int: ("a whole number", (int, np.integer)),
+    float: ("a number", (int, float, np.integer, np.floating)),
+    str: ("text", (str,)),
+}
+
+
+@functools.cache
+def _annotations(cls: type) -> dict[str, Any]:
+    """Annotations of a dataclass's fields, resolved."""
+    hints = typing.get_type_hints(cls)
+    return {f.name: hints[f.name] for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+
+
+def _is_a(value: object, kind: type) -> bool:
+    """Whether a value can stand for a plain type; True and False are no numbers."""
+    return isinstance(value, _KINDS[kind][1]) and (kind is bool or not isinstance(value, bool))
+
+
+def _number(value: Any) -> float:
+    """As a float, infinite where a whole number is beyond all floats."""
+    try:
+        return float(value)
+    except OverflowError:
+        return np.inf
+
+
+def _typed(name: str, kind: Any, value: Any, owner: str) -> Any:
+    """`value` as annotated, where the annotation is a plain type, a choice of names, or one of these or None.
+
+    What else there is (arrays, ranges, settings within settings) has checks of its own.
+    """
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        kinds = [k for k in typing.get_args(kind) if k is not types.NoneType]
+        if len(kinds) > 1 or value is None:
+            return value
+        (kind,) = kinds
+    if typing.get_origin(kind) is Literal:
+        choices = typing.get_args(kind)
+        if not isinstance(value, str) or value not in choices:
+            raise unknown_name(f"{name} of {owner}", value, choices)
+    elif kind in _KINDS:
+        if not _is_a(value, kind):
+            raise ValueError(f"{name} must be {_KINDS[kind][0]}, got {value!r}")
+        return _number(value) if kind is float else kind(value)
+    return value
 
 
 def _plain(value: Any) -> Any:

@@ -35,6 +35,7 @@ class Disturbance(Config):
     orbit_rate: float = 1e-3
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("constant", "cosine", "sine", "solar_force", "solar_offset"):
             object.__setattr__(self, name, real_array(f"disturbance {name}", getattr(self, name), (3,)))
         check_number("orbit_rate", self.orbit_rate)

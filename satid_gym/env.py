@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -24,9 +24,14 @@ from satid_gym.problem import (
     Templates,
     build_templates,
     problem,
+    resolve_inertia,
+    resolve_satellites,
 )
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
+
+if TYPE_CHECKING:
+    from satid_gym.rendering import History
 
 RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
 INFO_KEYS = (
@@ -60,21 +65,36 @@ def seed_stream(rng: np.random.Generator) -> np.ndarray:
     return rng.integers(1, 2**64, size=4, dtype=np.uint64)
 
 
+def real_action(name: str, value: object) -> np.ndarray:
+    """What an agent chose as float32; what overflows is infinite.
+
+    Raises:
+        ValueError: it is not numeric.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.array(None)  # rows of different lengths
+    if array.dtype.kind not in "iufb":
+        raise ValueError(f"{name} must be numbers, got {value!r}")
+    with np.errstate(over="ignore"):
+        return array.astype(np.float32, order="C")  # always a copy: numba compiles anew for read-only or strided ones
+
+
 def option_templates(p: Problem, options: Mapping[str, Any]) -> Templates:
     """Templates of one episode with other settings.
 
     Raises:
         ValueError: an option is unknown or not valid, or the satellite has another number of wheels.
     """
+    if not isinstance(options, Mapping):
+        raise ValueError(f"reset options must be a mapping, got {options!r}")
     for name in options:
         if name not in RESET_OPTIONS:
             raise unknown_name("reset option", name, RESET_OPTIONS)
-    changed = problem(
-        satellite=options.get("satellite", p.satellites),
-        inertia=options.get("inertia", p.inertia),
-        scenario=p.scenario,
-        estimator=p.estimator,
-        reward=p.reward,
+    changed = p.replace(
+        satellites=resolve_satellites(options.get("satellite", p.satellites)),
+        inertia=resolve_inertia(options.get("inertia", p.inertia)),
     )
     if changed.wheels != p.wheels:
         raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {changed.wheels}")
@@ -173,14 +193,20 @@ where positive |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
 `scenario={"horizon": seconds}` |
+    | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
+    | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
+
+    ## Rendering
+    `render()` gives a picture (render_size, render_size, 3) of the episode so far, for people: truth is in it. It
+    needs pygame, `pip install "satid-gym[render]"`, and changes nothing in the episode.
 
     ## Version history
     - v0: first version.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}
 
     def __init__(
         self,
@@ -191,15 +217,22 @@ where positive |
         reward: str | Mapping[str, Any] | RewardSettings | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        render_size: int = 480,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
-        self.render_mode = render_mode
+        if not isinstance(render_size, (int, np.integer)) or not 240 <= render_size <= 2160:
+            raise ValueError(f"render_size must be a whole number from 240 to 2160, got {render_size!r}")
+        self.render_mode, self.render_size = render_mode, int(render_size)
+        self._history: History | None = None
+        if render_mode is not None:
+            import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
         self._foreign: Estimator | None = None
         settings: Any = estimator
         if is_estimator(estimator):
             self._foreign = estimator
-            settings = estimator_settings({"name": estimator.coordinates, "parameters": estimator.parameters})
+            kind = {name: getattr(estimator, name, None) for name in ("coordinates", "parameters")}
+            settings = estimator_settings({"name": kind["coordinates"], "parameters": kind["parameters"]})
         self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps)
         self._templates = build_templates(self.problem)
         self._plants = np.zeros(1, self._templates.plants.dtype)
@@ -245,6 +278,8 @@ where positive |
             raise ValueError(DRAW_FAILED)
         if self._foreign is not None:
             self._start_foreign(templates.satellites[int(self._tasks["template"][0])])
+        if self.render_mode is not None:
+            self._start_history(templates.satellites[int(self._tasks["template"][0])])
         return self._observation[0].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -261,8 +296,7 @@ where positive |
             gymnasium.error.ResetNeeded: the episode is over or was never started.
             FloatingPointError: the filter's covariance broke.
         """
-        with np.errstate(over="ignore"):  # what overflows is infinite, and refused below
-            action = np.asarray(action, dtype=np.float32)
+        action = real_action("action", action)
         if action.shape != self.action_space.shape:
             raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
         if not np.isfinite(action).all():
@@ -276,6 +310,8 @@ where positive |
         report = self._reports[0]
         if failed:
             raise FloatingPointError(BROKEN)
+        if self._history is not None:
+            self._history.note(self._plants[0], self._beliefs[0], report)
         return (
             self._observation[0].copy(),
             float(report["reward"]),
@@ -283,6 +319,29 @@ where positive |
             bool(report["truncated"]),
             self._info(),
         )
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """The episode so far as a picture, (render_size, render_size, 3) uint8; None without a render mode.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode was started.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() shows nothing without a render mode; make it with render_mode="rgb_array"')
+            return None
+        if self._history is None:
+            raise gymnasium.error.ResetNeeded("there is nothing to show yet: call reset() before render()")
+        from satid_gym.rendering import draw
+
+        return draw(self._history, self.render_size)
+
+    def _start_history(self, satellite: Satellite) -> None:
+        from satid_gym.rendering import History
+
+        scenario = self.problem.scenario
+        law = int(self._plants["law"][0])
+        self._history = History(scenario.operate(satellite), scenario.decisions, scenario.decision_period, law)
+        self._history.note(self._plants[0], self._beliefs[0], self._reports[0])
 
     def _run(self, mode: int, templates: Templates, action: np.ndarray) -> bool:
         """One call of the core on the environment's only row."""
@@ -345,8 +404,14 @@ where positive |
         assert self._foreign is not None
         belief = self._beliefs[0]
         size = len(belief["mean"])
-        belief["mean"] = self._foreign.mean[:size]
-        belief["covariance"] = self._foreign.covariance[:size, :size]
+        mean, covariance = np.asarray(self._foreign.mean), np.asarray(self._foreign.covariance)
+        if mean.shape != covariance.shape[:1] or covariance.shape != (*mean.shape, *mean.shape) or len(mean) < size:
+            raise ValueError(
+                f"the estimator's mean and covariance must have shapes (N,) and (N, N) with N >= {size}, "
+                f"got {mean.shape} and {covariance.shape}"
+            )
+        belief["mean"] = mean[:size]
+        belief["covariance"] = covariance[:size, :size]
         if belief["kind"] == MOMENTUM:
             spin = belief["wheel_inertia"] * self._plants[0]["tachometer"]
             belief["wheel_input"][:3] = belief["axes"] @ spin

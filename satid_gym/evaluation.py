@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from satid_gym import metrics
-from satid_gym.config import unknown_name
+from satid_gym.config import check_whole, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.laws import PAPER_LAWS
 from satid_gym.policy import Policy, missions
@@ -36,11 +36,12 @@ def seeds(split: Split, count: int, offset: int = 0) -> list[int]:
     """Seeds of one split; splits never meet.
 
     Raises:
-        ValueError: the split is unknown or has fewer seeds.
+        ValueError: the split is unknown or has fewer seeds, or a number is not whole.
     """
-    if split not in FIRST_SEED:
+    if not isinstance(split, str) or split not in FIRST_SEED:
         raise unknown_name("split of seeds", split, FIRST_SEED)
-    if offset < 0 or count < 0 or offset + count > SPLIT_SIZE:
+    count, offset = check_whole("count", count, low=0), check_whole("offset", offset, low=0)
+    if offset + count > SPLIT_SIZE:
         raise ValueError(f"a split has {SPLIT_SIZE} seeds, asked for {count} from {offset}")
     return list(range(FIRST_SEED[split] + offset, FIRST_SEED[split] + offset + count))
 

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from satid_gym.config import Config, check_number, real_array, unknown_name
+from satid_gym.config import Config, check_number, real_array
 
 InertiaMode = Literal["static", "step", "drift", "periodic"]
 INERTIA_MODES: tuple[InertiaMode, ...] = get_args(InertiaMode)
@@ -43,8 +43,7 @@ class InertiaLaw(Config):
     change: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.mode not in INERTIA_MODES:
-            raise unknown_name("inertia mode", self.mode, INERTIA_MODES)
+        super().__post_init__()
         check_number("size of the inertia law", self.size, low=-1.0, strict=True)
         check_number("time of the inertia law", self.time, strict=self.mode == "drift")
         check_number("frequency of the inertia law", self.frequency)
@@ -62,6 +61,17 @@ class LawRanges(Config):
     """Ranges from which an episode's law is drawn, uniformly; (low, high) each, times relative to the horizon.
 
     The defaults are the randomised laws for training; `PAPER_LAWS` are the paper's exact ones.
+
+    Attributes:
+        step_size: change of the step, relative to the inertia.
+        step_time: when it comes.
+        drift_size: change that the drift has reached at the horizon, relative to the inertia.
+        periodic_size: amplitude of the oscillation, relative to the inertia.
+        frequency: of the oscillation, Hz.
+        phase: of the oscillation, rad.
+
+    Raises:
+        ValueError: a range is reversed or goes beyond what makes sense; the message says what does.
     """
 
     step_size: tuple[float, float] = (0.05, 0.15)
@@ -72,6 +82,7 @@ class LawRanges(Config):
     phase: tuple[float, float] = (0.0, 2.0 * np.pi)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, (least, most) in _LAW_BOUNDS.items():
             value = real_array(f"{name} of the law ranges", getattr(self, name), (2,))
             low, high = value.tolist()

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from satid_gym.config import Config, unknown_name
+from satid_gym.config import Config, check_whole, unknown_name
 from satid_gym.core.records import draw_dtype, task_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.belief import new_belief
@@ -45,6 +45,12 @@ class Problem(Config):
     estimator: EstimatorSettings
     reward: RewardSettings
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        counts = {s.wheels.count for s in self.satellites}
+        if len(counts) != 1:
+            raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
+
     @property
     def wheels(self) -> int:
         """Number of wheels n."""
@@ -66,30 +72,35 @@ def problem(
     """
     world = _scenario(scenario)
     if max_episode_steps is not None:
-        if not isinstance(max_episode_steps, (int, np.integer)) or max_episode_steps < 1:
-            raise ValueError(f"max_episode_steps must be a whole number of at least 1, got {max_episode_steps!r}")
-        world = world.replace(horizon=float(max_episode_steps) * world.decision_period)
-    satellites = tuple(_satellite(s) for s in _each(satellite))
-    counts = {s.wheels.count for s in satellites}
-    if len(counts) != 1:
-        raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
+        steps = check_whole("max_episode_steps", max_episode_steps)
+        world = world.replace(horizon=steps * world.decision_period)
+    satellites = resolve_satellites(satellite)
+    for name in world.prior_scale:
+        known = {"*", *SATELLITES, *(s.name for s in satellites)}
+        if name not in known:  # it would be passed over in silence
+            raise unknown_name("satellite of prior_scale", name, known)
     return Problem(
         satellites=satellites,
-        inertia=_inertia(inertia),
+        inertia=resolve_inertia(inertia),
         scenario=world,
         estimator=estimator_settings(world.estimator if estimator is None else estimator),
         reward=reward_settings(reward),
     )
 
 
-def _each(satellite: SatelliteLike) -> Sequence[str | Satellite | Mapping[str, Any]]:
-    if satellite == "random":
-        return list(SATELLITES)
+def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
+    """The satellites that a name, a satellite, a mapping or a list of these stands for.
+
+    Raises:
+        ValueError: a name is unknown or a value is not valid.
+    """
+    if isinstance(satellite, str) and satellite == "random":
+        return tuple(SATELLITES.values())
     if isinstance(satellite, (str, Satellite, Mapping)):
-        return [satellite]
+        return (_satellite(satellite),)
     if not isinstance(satellite, Sequence) or not satellite:
         raise ValueError(f"satellite must be a name, a Satellite, a mapping or a list of these, got {satellite!r}")
-    return satellite
+    return tuple(_satellite(s) for s in satellite)
 
 
 def _satellite(value: str | Satellite | Mapping[str, Any]) -> Satellite:
@@ -97,17 +108,22 @@ def _satellite(value: str | Satellite | Mapping[str, Any]) -> Satellite:
         return value
     if isinstance(value, Mapping):
         return Satellite.from_dict(value)
-    if value not in SATELLITES:
+    if not isinstance(value, str) or value not in SATELLITES:
         raise unknown_name("satellite", value, [*SATELLITES, "random"])
     return SATELLITES[value]
 
 
-def _inertia(value: InertiaLike) -> str | InertiaLaw:
+def resolve_inertia(value: InertiaLike) -> str | InertiaLaw:
+    """The law or mode that a name, a law or a mapping stands for.
+
+    Raises:
+        ValueError: a name is unknown or a value is not valid.
+    """
     if isinstance(value, InertiaLaw):
         return value
     if isinstance(value, Mapping):
         return InertiaLaw.from_dict(value)
-    if value not in ("random", *INERTIA_MODES):
+    if not isinstance(value, str) or value not in ("random", *INERTIA_MODES):
         raise unknown_name("inertia mode", value, ["random", *INERTIA_MODES])
     return value
 
@@ -117,7 +133,7 @@ def _scenario(value: ScenarioLike) -> Scenario:
         return value
     if isinstance(value, Mapping):
         base = value.get("name", "default")
-        if base in SCENARIOS:
+        if isinstance(base, str) and base in SCENARIOS:
             return SCENARIOS[base].replace(**value)
         return Scenario.from_dict(value)
     if not isinstance(value, str) or value not in SCENARIOS:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from satid_gym.config import Config, check_number, unknown_name
+from satid_gym.config import Config, check_number
 
 Criterion = Literal["logdet", "trace", "maxeig"]
 CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
@@ -43,10 +43,7 @@ class RewardSettings(Config):
     effort_weight: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.criterion not in CRITERIA:
-            raise unknown_name("information criterion", self.criterion, CRITERIA)
-        if not isinstance(self.net, bool):
-            raise ValueError(f"net must be True or False, got {self.net!r}")
+        super().__post_init__()
         for name in (
             "gain_scale",
             "held_scale",

@@ -64,6 +64,7 @@ class ReactionWheels(Config):
     max_speed: np.ndarray
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         axes = real_array("wheel axes", self.axes)
         if axes.ndim != 2 or axes.shape[0] != 3 or axes.shape[1] < 3:
             raise ValueError(f"wheel axes must have shape (3, n) with n >= 3, got {axes.shape}")
@@ -125,7 +126,8 @@ class Satellite(Config):
     disturbance_std: float = field(default=5e-5, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
+        super().__post_init__()
+        if not self.name:
             raise ValueError(f"satellite name must be a non-empty string, got {self.name!r}")
         object.__setattr__(self, "inertia", inertia_tensor(self.inertia, f"inertia of {self.name}"))
         if isinstance(self.wheels, Mapping):

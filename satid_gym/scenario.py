@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from satid_gym.config import Config, check_number
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
+
+_MOST_SAMPLES = 100_000  # a decision
+_MOST_DECISIONS = 1_000_000_000  # an episode
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,9 +75,10 @@ class Scenario(Config):
     random_attitude: bool = True
     rate_limit: float | None = None
     termination_factor: float = 3.0
-    estimator: str = "momentum"
+    estimator: Literal["momentum", "rate"] = "momentum"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("decision_period", "sample_period", "horizon", "prior_std", "product_std", "wheel_speed_scale"):
             check_number(name, getattr(self, name), strict=True)
         for name in ("inertia_std", "tilt_std", "initial_rate_std", "torque_noise", "torque_lag", "gyro_bias_walk"):
@@ -88,12 +92,13 @@ class Scenario(Config):
                 check_number(name, getattr(self, name))
         if self.rate_limit is not None:
             check_number("rate_limit", self.rate_limit, strict=True)
-        for satellite, scale in self.prior_scale.items():
-            check_number(f"prior_scale of {satellite}", scale, strict=True)
+        object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
         if isinstance(self.laws, Mapping):
             object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
-        _whole("decision_period / sample_period", self.decision_period / self.sample_period)
-        _whole("horizon / decision_period", self.horizon / self.decision_period)
+        if not isinstance(self.laws, LawRanges):
+            raise ValueError(f"laws must be LawRanges or a mapping of its settings, got {self.laws!r}")
+        _whole("decision_period / sample_period", self.decision_period / self.sample_period, _MOST_SAMPLES)
+        _whole("horizon / decision_period", self.horizon / self.decision_period, _MOST_DECISIONS)
 
     @property
     def samples(self) -> int:
@@ -118,7 +123,15 @@ class Scenario(Config):
         return satellite.replace(**changes)
 
 
-def _whole(name: str, ratio: float) -> None:
+def _prior_scale(scales: object) -> dict[str, float]:
+    if not isinstance(scales, Mapping) or not all(isinstance(name, str) for name in scales):
+        raise ValueError(f'prior_scale must map names of satellites, or "*", to numbers, got {scales!r}')
+    return {name: check_number(f"prior_scale of {name}", scale, strict=True) for name, scale in scales.items()}
+
+
+def _whole(name: str, ratio: float, most: int) -> None:
+    if ratio > most:
+        raise ValueError(f"{name} must be at most {most}, got {ratio:g}")
     if abs(ratio - round(ratio)) > 1e-9 * ratio or round(ratio) < 1:
         raise ValueError(f"{name} must be a whole number, got {ratio:g}")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.config import check_number, real_array
+from satid_gym.config import check_number, check_whole, real_array
 from satid_gym.core import kernels
 from satid_gym.disturbance import Disturbance
 from satid_gym.laws import InertiaLaw
@@ -74,13 +74,17 @@ def simulate(
     Raises:
         ValueError: an argument is not finite, has another shape, or a wheel starts beyond its limit.
     """
+    if not isinstance(satellite, Satellite):
+        raise ValueError(f"satellite must be a Satellite (SATELLITES has three by name), got {satellite!r}")
+    if law is not None and not isinstance(law, InertiaLaw):
+        raise ValueError(f"law must be an InertiaLaw, got {law!r}")
     wheels = satellite.wheels
     torque = np.ascontiguousarray(real_array("torque", torque))
     if torque.ndim != 2 or torque.shape[1] != wheels.count:
         raise ValueError(f"torque must have shape (N, {wheels.count}), got {torque.shape}")
     dt = check_number("dt", dt, strict=True)
-    if substeps is not None and (not isinstance(substeps, (int, np.integer)) or substeps < 1):
-        raise ValueError(f"substeps must be a whole number of at least 1, got {substeps!r}")
+    if substeps is not None:
+        substeps = check_whole("substeps", substeps)
     if disturbance is not None and not isinstance(disturbance, Disturbance):
         disturbance = Disturbance(constant=real_array("disturbance", disturbance, (3,)))
     rows = new_plant(satellite, law, disturbance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import types
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -14,10 +15,10 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from satid_gym.config import unknown_name
+from satid_gym.config import check_flag, check_whole, unknown_name
 from satid_gym.core import episode
 from satid_gym.core.records import report_dtype
-from satid_gym.env import BROKEN, DRAW_FAILED, INFO_KEYS, make_spaces, option_templates, seed_stream
+from satid_gym.env import BROKEN, DRAW_FAILED, INFO_KEYS, make_spaces, option_templates, real_action, seed_stream
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.problem import (
@@ -37,6 +38,13 @@ _MODES = {
 }
 _STATE = ("plants", "beliefs", "tasks", "reports", "observations")
 _LEAST_ROWS = 16  # for a thread: below it handing over costs more than it gains
+
+
+def _autoreset_mode(value: str | AutoresetMode) -> AutoresetMode:
+    try:
+        return AutoresetMode(value)
+    except ValueError:
+        raise unknown_name("autoreset mode", value, [mode.value for mode in AutoresetMode]) from None
 
 
 class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -74,17 +82,18 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
     ) -> None:
         super().__init__()
-        if not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
-        if num_threads is not None and num_threads < 1:
-            raise ValueError(f"num_threads must be at least 1, got {num_threads!r}")
+        self.num_envs = check_whole("num_envs", num_envs)
+        if num_threads is not None:
+            num_threads = check_whole("num_threads", num_threads)
         if render_mode is not None:
-            raise unknown_name("render mode of the vector environment", render_mode, ["None"])
-        self.num_envs = int(num_envs)
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+            raise ValueError(
+                f"unknown render mode {render_mode!r} of the vector environment: it draws nothing, so expected None; "
+                'the single environment does, also with gymnasium.make_vec(..., vectorization_mode="sync")'
+            )
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps)
-        self.stagger = stagger
+        self.stagger = check_flag("stagger", stagger)
         self._templates = build_templates(self.problem)
         n, rows = self.problem.wheels, self.num_envs
         self._plants = np.zeros(rows, self._templates.plants.dtype)
@@ -151,6 +160,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             ValueError: an option, the mask or the number of seeds is not valid; nothing has changed.
         """
+        if not isinstance(options, (Mapping, types.NoneType)):
+            raise ValueError(f"reset options must be a mapping, got {options!r}")
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
         templates = option_templates(self.problem, options) if options else self._templates
@@ -179,10 +190,12 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Start the streams of the masked environments that get a seed or have none yet."""
         if seed is None:
             seeds: list[int | None] = [None] * self.num_envs
+        elif isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str):
+            seeds = [int(s) if isinstance(s, np.integer) else s for s in seed]
         elif isinstance(seed, (int, np.integer)):
             seeds = [int(seed) + i for i in range(self.num_envs)]
         else:
-            seeds = list(seed)
+            seeds = [seed] * self.num_envs  # Gymnasium's own generator refuses it below
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs} of them, got {len(seeds)}")
         first = not self._generators
@@ -211,8 +224,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             gymnasium.error.ResetNeeded: an episode is over and autoreset is disabled, or nothing was reset yet.
             FloatingPointError: a filter's covariance broke.
         """
-        with np.errstate(over="ignore"):  # what overflows is infinite, and refused below
-            actions = np.asarray(actions, dtype=np.float32)
+        actions = real_action("actions", actions)
         if actions.shape != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")
         if not np.isfinite(actions).all():
@@ -297,6 +309,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             ValueError: an array is missing or of another type or shape; nothing has changed.
         """
+        if not isinstance(state, Mapping):
+            raise ValueError(f"state must be what state() returned, got {type(state).__name__}")
         for name in _STATE:
             own = getattr(self, f"_{name}")
             if name not in state or state[name].dtype != own.dtype or state[name].shape != own.shape:

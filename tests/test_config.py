@@ -77,7 +77,7 @@ REFUSED = {
         "unknown setting of Satellite 'gyro_noise'; expected one of .* Did you mean 'gyro_noise_std'?",
     ),
     # laws
-    "mode": (lambda: InertiaLaw("stpe"), "unknown inertia mode 'stpe'; expected one of .*Did you mean 'step'?"),
+    "mode": (lambda: InertiaLaw("stpe"), "unknown mode of InertiaLaw 'stpe'; expected one of .*Did you mean 'step'?"),
     "law size": (lambda: InertiaLaw("step", size=-1.0), "size of the inertia law must be finite and more than -1"),
     "drift in no time": (lambda: InertiaLaw("drift", time=0.0), "time of the inertia law must be finite and more than"),
     "step before the start": (lambda: InertiaLaw("step", time=-1.0), "time of the inertia law must be .* at least 0"),
@@ -106,7 +106,10 @@ REFUSED = {
     "torque": (lambda: Disturbance(constant=(1.0, 2.0)), r"disturbance constant must have shape \(3,\), got \(2,\)"),
     "orbit": (lambda: Disturbance(orbit_rate=-1e-3), "orbit_rate must be finite and at least 0"),
     # reward
-    "criterion": (lambda: RewardSettings(criterion="logdte"), "unknown information criterion 'logdte'.*mean 'logdet'?"),
+    "criterion": (
+        lambda: RewardSettings(criterion="logdte"),
+        "unknown criterion of RewardSettings 'logdte'.*mean 'logdet'?",
+    ),
     "reward's type": (lambda: problem(reward=3), "reward must be the name of a criterion, a mapping or Reward.*got 3"),
     "net": (lambda: RewardSettings(net="yes"), "net must be True or False, got 'yes'"),
     "gain": (lambda: RewardSettings(gain_scale=-0.1), "gain_scale must be finite and at least 0, got -0.1"),
@@ -118,7 +121,10 @@ REFUSED = {
         lambda: SatInertiaIDVectorEnv(2, estimator=MomentumEKF()),
         "in the single environment an object that follows Estimator",
     ),
-    "parameters": (lambda: MomentumEKF(parameters="ful"), "unknown inertia parameters 'ful'.*Did you mean 'full'?"),
+    "parameters": (
+        lambda: MomentumEKF(parameters="ful"),
+        "unknown parameters of MomentumEKFSettings 'ful'.*mean 'full'?",
+    ),
     "walk": (lambda: MomentumEKF(inertia_walk=-1.0), "inertia_walk must be finite and at least 0, got -1.0"),
     "substeps": (lambda: MomentumEKF(substeps=0), "substeps must be a whole number of at least 1, got 0"),
     "rate noise": (lambda: RateEKF(gyro_std=0.0), "gyro_std must be finite and more than 0, got 0.0"),
@@ -139,7 +145,10 @@ REFUSED = {
     "environment's satellite": (lambda: SatInertiaIDEnv("cubsat"), "Did you mean 'cubesat'?"),
     "vector's satellite": (lambda: SatInertiaIDVectorEnv(2, "cubsat"), "Did you mean 'cubesat'?"),
     "no environment": (lambda: SatInertiaIDVectorEnv(0), "num_envs must be a whole number of at least 1, got 0"),
-    "no thread": (lambda: SatInertiaIDVectorEnv(2, num_threads=0), "num_threads must be at least 1, got 0"),
+    "no thread": (
+        lambda: SatInertiaIDVectorEnv(2, num_threads=0),
+        "num_threads must be a whole number of at least 1, got 0",
+    ),
     "render": (lambda: SatInertiaIDEnv(render_mode="humn"), "unknown render mode 'humn'"),
     "vector's render": (lambda: SatInertiaIDVectorEnv(1, render_mode="human"), "unknown render mode"),
 }

@@ -43,7 +43,7 @@ def test_the_table_is_made_of_means_over_modes():
 
 def test_a_readme_without_its_marks_is_refused():
     with pytest.raises(ValueError, match="must hold the lines"):
-        readme._between("nothing", "results", "x")
+        readme.between("nothing", "results", "x")
 
 
 def test_the_committed_results_name_their_command_and_seeds():

@@ -45,8 +45,10 @@ class Estimator(Protocol):
 
 
 def is_estimator(value: object) -> TypeGuard[Estimator]:
-    """Whether `value` has the protocol's methods.
+    """Whether `value` is an object with the protocol's methods; a class is none.
 
     `isinstance` would read the properties as well, up to Python 3.11, and those have no value before `reset`.
     """
+    if isinstance(value, type):
+        return False
     return all(callable(getattr(value, name, None)) for name in ("reset", "predict", "update"))

@@ -8,14 +8,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from satid_gym.config import Config, check_number, unknown_name
-from satid_gym.satellite import ReactionWheels, Satellite
+from satid_gym.config import Config, check_number, check_whole, unknown_name
+from satid_gym.satellite import ReactionWheels, Satellite, inertia_tensor
 from satid_gym.scenario import Scenario
 
 Parameters = Literal["principal", "full"]
 PARAMETER_COUNT: dict[Parameters, int] = {"principal": 3, "full": 6}
 PRODUCTS = ((0, 1), (0, 2), (1, 2))  # rows and columns of parameters 4 to 6
 
+_MOST_SUBSTEPS = 1000
 _LEAST_STD = 1e-9  # a sensor said to be noiseless is believed this far
 
 
@@ -40,6 +41,9 @@ class Briefing(Config):
         tachometer_noise_std: rad/s per sample.
         disturbance_std: N m, of the unknown torque about each axis.
         disturbance_walk: N m per sqrt(s), how fast that torque may wander.
+
+    Raises:
+        ValueError: a value is out of range, or the prior inertia is not that of a rigid body.
     """
 
     wheels: ReactionWheels
@@ -50,6 +54,17 @@ class Briefing(Config):
     tachometer_noise_std: float
     disturbance_std: float
     disturbance_walk: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.wheels, Mapping):
+            object.__setattr__(self, "wheels", ReactionWheels.from_dict(self.wheels))
+        if not isinstance(self.wheels, ReactionWheels):
+            raise ValueError(f"wheels must be ReactionWheels or a mapping of its settings, got {self.wheels!r}")
+        object.__setattr__(self, "inertia", inertia_tensor(self.inertia, "prior inertia"))
+        check_number("gyro_noise_std", self.gyro_noise_std, strict=True)
+        for name in ("prior_std", "product_std", "tachometer_noise_std", "disturbance_std", "disturbance_walk"):
+            check_number(name, getattr(self, name))
 
     def theta_scale(self, parameters: Parameters) -> np.ndarray:
         """(p,) moments, and geometric means of two of them for the products."""
@@ -120,12 +135,11 @@ class MomentumEKFSettings(Config):
     substeps: int = 1
 
     def __post_init__(self) -> None:
-        _check_parameters(self.parameters)
+        super().__post_init__()
         check_number("inertia_walk", self.inertia_walk)
         if self.disturbance_walk is not None:
             check_number("disturbance_walk", self.disturbance_walk)
-        if not isinstance(self.substeps, int) or self.substeps < 1:
-            raise ValueError(f"substeps must be a whole number of at least 1, got {self.substeps!r}")
+        check_whole("substeps", self.substeps, high=_MOST_SUBSTEPS)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -157,16 +171,11 @@ class RateEKFSettings(Config):
     prior_wheel_speed_std: float = 0.1
 
     def __post_init__(self) -> None:
-        _check_parameters(self.parameters)
+        super().__post_init__()
         for name in ("gyro_std", "wheel_speed_std", "prior_rate_std", "prior_inertia_std", "prior_wheel_speed_std"):
             check_number(name, getattr(self, name), strict=True)
         for name in ("rate_walk", "inertia_walk", "wheel_speed_walk"):
             check_number(name, getattr(self, name))
-
-
-def _check_parameters(parameters: str) -> None:
-    if parameters not in PARAMETER_COUNT:
-        raise unknown_name("inertia parameters", parameters, PARAMETER_COUNT)
 
 
 EstimatorSettings = MomentumEKFSettings | RateEKFSettings
@@ -192,6 +201,6 @@ def estimator_settings(value: str | Mapping[str, Any] | EstimatorSettings) -> Es
             f"follows Estimator, got {value!r}"
         )
     name = value.get("name")
-    if name not in ESTIMATORS:
+    if not isinstance(name, str) or name not in ESTIMATORS:
         raise unknown_name("estimator", name, ESTIMATORS)
     return ESTIMATORS[name].from_dict(value)

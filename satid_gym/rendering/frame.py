@@ -1,0 +1,94 @@
+"""A frame: the satellite, its rates and wheels against their limits, and what is known of its inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, series_colour, shade
+from satid_gym.rendering.history import History
+from satid_gym.rendering.scene import Scene, stars
+from satid_gym.rendering.strip import Strip
+
+_MARGIN = 0.03  # of a moment: how far its strip reaches beyond where the truth has been
+
+
+def draw(history: History, size: int) -> np.ndarray:
+    """The episode so far as a picture.
+
+    Args:
+        history: with at least one entry.
+        size: width and height in pixels.
+
+    Returns:
+        (size, size, 3) uint8.
+    """
+    canvas = Canvas(size)
+    _head(canvas, history)
+    _scene(canvas, history)
+    rate = history.rate / history.satellite.rate_limit
+    _limits(canvas, history, 40.0, "body rate / limit", rate, "xyz")
+    speed = history.wheel_speed / history.satellite.wheels.max_speed
+    names = "".join(str(k + 1) for k in range(speed.shape[1]))
+    _limits(canvas, history, 150.0, "wheel speed / limit", speed, names)
+    _inertia(canvas, history)
+    return canvas.pixels()
+
+
+def _head(canvas: Canvas, history: History) -> None:
+    width = canvas.text((10.0, 17.0), history.satellite.name, TEXT, 15.0)
+    canvas.text((18.0 + width, 18.0), f"{history.mode} inertia", MUTED, 11.0)
+    canvas.text((470.0, 17.0), f"{history.time[-1]:.0f} of {history.horizon:.0f} s", TEXT, 13.0, "right")
+    canvas.rectangle(0.0, 32.0, 480.0, 1.0, RULE)
+
+
+def _scene(canvas: Canvas, history: History) -> None:
+    canvas.clip(0.0, 33.0, 272.0, 225.0)
+    stars(canvas, 4.0, 37.0, 264.0, 217.0)
+    scene = Scene(canvas, (136.0, 144.0), 82.0, history)
+    scene.draw()
+    scene.scale_bar(262.0, 250.0)
+    canvas.unclip()
+
+
+def _limits(canvas: Canvas, history: History, y: float, title: str, values: np.ndarray, names: str) -> None:
+    """Curves in multiples of their limit, red where one is beyond."""
+    strip = Strip(
+        canvas=canvas, x=294.0, y=y + 18.0, width=176.0, height=80.0, horizon=history.horizon, low=-1.25, high=1.25
+    )
+    beyond = bool(np.abs(values[-1]).max() > 1.0)
+    canvas.text((294.0, y + 9.0), title, ALARM if beyond else TEXT)
+    for i, name in enumerate(reversed(names)):
+        canvas.text((468.0 - 11.0 * i, y + 9.0), name, series_colour(len(names) - 1 - i), 11.0, "right")
+    strip.ground()
+    strip.level(0.0)
+    for limit in (-1.0, 1.0):
+        strip.level(limit, shade(ALARM, RULE, 0.3), dashes=24)
+        strip.value_label(limit, f"{limit:+g}")
+    for i in range(values.shape[1]):
+        strip.curve(history.time, values[:, i], series_colour(i))
+
+
+def _inertia(canvas: Canvas, history: History) -> None:
+    """A strip for each moment: estimate, three standard deviations about it, and truth."""
+    canvas.text((10.0, 270.0), "inertia, kg m²", TEXT)
+    canvas.text((96.0, 270.0), "estimate, 3σ band, truth in white", MUTED)
+    error = history.relative_error[-1]
+    canvas.text((470.0, 270.0), f"relative error {100 * error:.2f} %", TEXT, 12.0, "right")
+    for i, name in enumerate(("Jxx", "Jyy", "Jzz")):
+        colour, truth = series_colour(i), history.truth[:, i]
+        estimate, reach = history.estimate[:, i], 3.0 * history.std[:, i]
+        low, high = truth.min() - _MARGIN * truth[0], truth.max() + _MARGIN * truth[0]
+        y = 282.0 + 60.0 * i
+        strip = Strip(canvas=canvas, x=44.0, y=y, width=350.0, height=55.0, horizon=history.horizon, low=low, high=high)
+        strip.ground()
+        strip.band(history.time, estimate - reach, estimate + reach, colour)
+        strip.curve(history.time, truth, TEXT, 0.8)
+        strip.curve(history.time, estimate, colour, 1.2)
+        digits = max(0, 3 - int(np.floor(np.log10(truth[0]))))
+        canvas.text((38.0, y + 27.0), name, colour, 12.0, "right")
+        strip.edge_labels(f".{max(0, digits - 1)}f")
+        canvas.text((470.0, y + 12.0), f"{estimate[-1]:.{digits}f}", colour, 12.0, "right")
+        canvas.text((470.0, y + 27.0), f"± {reach[-1]:.{digits}f}", MUTED, 11.0, "right")
+        canvas.text((470.0, y + 42.0), f"{truth[-1]:.{digits}f}", TEXT, 11.0, "right")
+    strip.time_labels()
+    canvas.text((412.0, 465.0), "s", MUTED, 9.0)

@@ -1,0 +1,106 @@
+"""What happened in an episode so far, as far as a picture shows it. No drawing library is needed here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.satellite import Satellite
+
+
+class History:
+    """Truth and belief at the start and after each decision. For people: truth is in it.
+
+    Args:
+        satellite: as it is operated.
+        decisions: the horizon.
+        decision_period: s.
+        law: index of the inertia mode.
+
+    Attributes:
+        count: entries noted so far.
+    """
+
+    def __init__(self, satellite: Satellite, decisions: int, decision_period: float, law: int) -> None:
+        self.satellite = satellite
+        self.horizon = decisions * decision_period
+        self.mode = INERTIA_MODES[law]
+        self.count = 0
+        size, n = decisions + 1, satellite.wheels.count
+        self._series = {
+            "time": np.zeros(size),
+            "attitude": np.zeros((size, 4)),
+            "momentum": np.zeros((size, 3)),
+            "rate": np.zeros((size, 3)),
+            "wheel_speed": np.zeros((size, n)),
+            "truth": np.zeros((size, 3)),
+            "estimate": np.zeros((size, 3)),
+            "std": np.zeros((size, 3)),
+            "relative_error": np.zeros(size),
+            "cost": np.zeros(size),
+        }
+
+    def note(self, plant: np.void, belief: np.void, report: np.void) -> None:
+        """Add the present state, from the core's records."""
+        i = self.count
+        for name in ("time", "attitude", "momentum", "rate", "wheel_speed"):
+            self._series[name][i] = plant[name]
+        self._series["truth"][i] = np.diag(report["inertia_true"])
+        self._series["estimate"][i] = belief["mean"][3:6]
+        self._series["std"][i] = np.sqrt(np.diag(belief["covariance"])[3:6])
+        self._series["relative_error"][i] = report["relative_error"]
+        self._series["cost"][i] = report["cost"]
+        self.count += 1
+
+    def _noted(self, name: str) -> np.ndarray:
+        return self._series[name][: self.count]
+
+    @property
+    def time(self) -> np.ndarray:
+        """(N,) s."""
+        return self._noted("time")
+
+    @property
+    def attitude(self) -> np.ndarray:
+        """(N, 4) body to inertial, scalar last."""
+        return self._noted("attitude")
+
+    @property
+    def momentum(self) -> np.ndarray:
+        """(N, 3) total angular momentum, body frame, N m s."""
+        return self._noted("momentum")
+
+    @property
+    def rate(self) -> np.ndarray:
+        """(N, 3) body rates, rad/s."""
+        return self._noted("rate")
+
+    @property
+    def wheel_speed(self) -> np.ndarray:
+        """(N, n) relative to the body, rad/s."""
+        return self._noted("wheel_speed")
+
+    @property
+    def truth(self) -> np.ndarray:
+        """(N, 3) true moments of inertia about the body axes, kg m^2."""
+        return self._noted("truth")
+
+    @property
+    def estimate(self) -> np.ndarray:
+        """(N, 3) the filter's estimate of them, kg m^2."""
+        return self._noted("estimate")
+
+    @property
+    def std(self) -> np.ndarray:
+        """(N, 3) the filter's standard deviation of each, kg m^2."""
+        return self._noted("std")
+
+    @property
+    def relative_error(self) -> np.ndarray:
+        """(N,) as in info."""
+        return self._noted("relative_error")
+
+    @property
+    def outside(self) -> float:
+        """Share of the time so far with a rate outside its limit."""
+        return float(self._noted("cost")[1:].mean()) if self.count > 1 else 0.0
