@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare test lint format train benchmark clean
+.PHONY: setup compare test coverage mutation lint format train benchmark clean
 
 setup: $(STAMP)
 
@@ -21,6 +21,12 @@ compare: setup  ## the main job: every policy on every satellite and inertia mod
 
 test: setup
 	$(RUN) -m pytest --numprocesses auto
+
+coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
+	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov
+
+mutation: setup  ## whether the tests notice what is wrong (most of an hour; stopped, it goes on where it was)
+	$(RUN) -m tests.mutation
 
 lint: setup
 	$(RUN) -m ruff check .

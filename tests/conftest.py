@@ -16,6 +16,24 @@ from satid_gym import SATELLITES, ReactionWheels, Satellite
 hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("suite")
 
+if config.DISABLE_JIT:  # coverage and mutation testing are of the library; these fly thousands of episodes
+    collect_ignore = [
+        f"test_{name}.py"
+        for name in (
+            "baselines",
+            "compare",
+            "efficiency",
+            "interpreted",
+            "ladder",
+            "learned",
+            "paper",
+            "readme",
+            "stronger_baselines",
+            "train",
+            "verdict",
+        )
+    ]
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Without the compiler the core is some hundred times slower: leave out what is long even with it."""

@@ -42,7 +42,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/sensors": ("sensors",),
     "core/generator": ("generator",),
     "core/observation": ("observation",),
-    "laws": ("config", "dynamics"),
+    "laws": ("laws", "config"),
     "metrics": ("evaluation",),
     "bounds": ("bounds",),
 }
