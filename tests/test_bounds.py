@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from satid_gym import SATELLITES, simulate
-from satid_gym.bounds import Course, envelope_bound, population_bound, posterior_bound, rate_cap, sample_information
+from satid_gym.bounds import (
+    Course,
+    envelope_bound,
+    episode_bounds,
+    ideal_error,
+    population_bound,
+    posterior_bound,
+    rate_cap,
+    sample_information,
+)
 from satid_gym.estimators import MomentumEKFSettings, brief
 from satid_gym.estimators.reference import _MomentumModel
 from satid_gym.satellite import Satellite
@@ -92,6 +101,143 @@ def test_rate_cap_by_hand() -> None:
     tight = Scenario(wheel_speed_scale=0.1).operate(satellite)
     # 1e-4 kg m^2 at 46 rad/s: 4.6e-3 N m s, 0.0177 rad/s of 0.26 kg m^2
     assert rate_cap(course, tight, DT)[0, -1, 0] == pytest.approx(4.6e-3 / 0.26)
+
+
+def varying(satellite: Satellite, episodes: int = 2) -> Course:
+    """Two seconds of courses whose inertia grows by 10 %, from rates and torques of their own."""
+    rng = np.random.default_rng(0)
+    shape = (episodes, 21, 3)
+    growth = np.linspace(1.0, 1.1, 21)[None, :, None, None] * np.linspace(1.0, 1.2, episodes)[:, None, None, None]
+    return Course(
+        momentum=0.05 * rng.normal(size=shape),
+        rate=0.5 * satellite.rate_limit * rng.normal(size=shape),
+        wheel_speed=50.0 * rng.normal(size=shape),
+        inertia=growth * satellite.inertia,
+        torque=1e-4 * rng.normal(size=shape),
+    )
+
+
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+def test_sample_information_is_the_largest_inside_the_box(skewed: Satellite, parameters: str) -> None:
+    """L_j^T W L_j is convex in omega, so the largest over the box |omega_i| <= cap_i is at one of its corners."""
+    briefing, cap = brief(skewed, Scenario()), np.array([0.03, 0.02, 0.01])
+    inertia, wheels = skewed.inertia, briefing.wheels
+    noise = briefing.gyro_noise_std**2 * inertia @ inertia
+    noise += (wheels.axes * (wheels.inertia * briefing.tachometer_noise_std) ** 2) @ wheels.axes.T
+    corners = cap * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    p = 3 if parameters == "principal" else 6
+    found = np.zeros((len(corners), p))
+    for c, omega in enumerate(corners):
+        x, y, z = omega
+        regressor = np.array([[x, 0, 0, y, z, 0], [0, y, 0, x, 0, z], [0, 0, z, 0, x, y]])[:, :p]
+        found[c] = np.einsum("ij,ij->j", regressor, np.linalg.solve(noise, regressor))
+    expected = found.max(axis=0)
+    np.testing.assert_allclose(sample_information(cap, inertia, briefing, p), expected, rtol=1e-10)
+
+
+def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
+    """The three limits of the module's docstring, instant by instant, each of which binds somewhere."""
+    course, wheels = varying(skewed), skewed.wheels
+    limits = set()
+    for scale in (1.0, 0.02):
+        satellite = skewed.replace(wheels=wheels.replace(max_speed=scale * wheels.max_speed), rate_limit=0.02)
+        stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed * scale)
+        loose = course.inertia - (wheels.axes * wheels.inertia) @ wheels.axes.T
+        cap = rate_cap(course, satellite, DT)
+        for i in range(2):
+            tau = np.linalg.norm(course.torque[i], axis=1).max()
+            for k in range(21):
+                momentum = np.linalg.norm(course.momentum[i, 0]) + k * DT * tau
+                storage = np.abs(np.linalg.inv(course.inertia[i, k])) @ (momentum + stored)
+                push = np.abs(wheels.axes) @ wheels.max_torque + momentum * np.sqrt(3.0) * 0.02 + tau
+                reached = np.abs(loose[i, 0] @ course.rate[i, 0]) + k * DT * push
+                torque = np.abs(np.linalg.inv(loose[i, k])) @ reached
+                candidates = np.array([np.full(3, 0.02), storage, torque])
+                limits |= set(candidates.argmin(axis=0).tolist())
+                np.testing.assert_allclose(cap[i, k], candidates.min(axis=0), rtol=1e-12)
+    assert limits == {0, 1, 2}
+
+
+@pytest.mark.parametrize(("parameters", "law_known"), [("principal", False), ("principal", True), ("full", False)])
+def test_envelope_bound_is_a_scalar_riccati_equation(skewed: Satellite, parameters: str, law_known: bool) -> None:
+    """1/v' = 1 / (g^2 (v + walk)) + information, parameter by parameter."""
+    course, briefing = varying(skewed), brief(skewed, Scenario())
+    settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.01)
+    p = 3 if parameters == "principal" else 6
+    information = sample_information(rate_cap(course, skewed, DT), course.inertia, briefing, p)
+    out = envelope_bound(course, skewed, briefing, settings, DT, law_known=law_known)
+    walk = (0.01 * briefing.theta_scale(parameters)) ** 2 * DT
+    for i in range(2):
+        precision = 1.0 / briefing.prior_theta_std(parameters) ** 2 + information[i, 0]
+        np.testing.assert_allclose(out[i, 0], 1.0 / precision, rtol=1e-12)
+        for k in range(1, 21):
+            growth = course.inertia[i, k, 0, 0] / course.inertia[i, k - 1, 0, 0] if law_known else 1.0
+            precision = 1.0 / (growth**2 * (1.0 / precision + walk)) + information[i, k]
+            np.testing.assert_allclose(out[i, k], 1.0 / precision, rtol=1e-10)
+
+
+def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
+    """Without walk and without noise in the momentum, a law that doubles J doubles theta's standard deviations.
+
+    Against the course whose inertia stays: with no information in between, the factor is that of the law.
+    """
+    still = varying(skewed, 1)
+    zero = np.zeros_like(still.rate)
+    inertia = np.broadcast_to(np.diag(np.diag(skewed.inertia)), (1, 21, 3, 3))
+    grown = inertia * np.linspace(1.0, 2.0, 21)[None, :, None, None]
+    briefing = brief(skewed, Scenario()).replace(gyro_noise_std=1e3)
+    settings = MomentumEKFSettings(inertia_walk=0.0)
+    course = Course(momentum=zero, rate=zero, wheel_speed=zero, inertia=grown, torque=zero)
+    known = posterior_bound(course, briefing, settings, DT, law_known=True)[0]
+    np.testing.assert_allclose(known[-1], 4.0 * known[0], rtol=1e-9)
+    np.testing.assert_allclose(known[10], 2.25 * known[0], rtol=1e-9)
+    unknown = posterior_bound(course, briefing, settings, DT)[0]
+    np.testing.assert_allclose(unknown[-1], unknown[0], rtol=1e-9)
+    with pytest.raises(ValueError, match=r'a known law is a factor on each moment: it needs parameters "principal"'):
+        posterior_bound(course, briefing, MomentumEKFSettings(parameters="full"), DT, law_known=True)
+
+
+def test_relative_bounds_by_hand() -> None:
+    """A product of inertia stands twice in the tensor; two episodes' information is averaged, not their bounds."""
+    inertia = np.broadcast_to(np.diag([2.0, 2.0, 1.0]), (2, 1, 3, 3))  # norm 3
+    variance = np.array([[[0.09, 0.18, 0.27]], [[0.09, 0.36, 0.27]]])
+    np.testing.assert_allclose(episode_bounds(variance, inertia), [[0.06], [0.08]])
+    # 0.18 and 0.36 have the harmonic mean 0.24
+    np.testing.assert_allclose(population_bound(variance, inertia), [(0.09 + 0.24 + 0.27) / 9.0])
+    full = np.concatenate([variance, variance], axis=2)
+    np.testing.assert_allclose(episode_bounds(full, inertia), [[0.18], [0.24]])
+    matrix = variance[..., None] * np.eye(3)
+    np.testing.assert_allclose(episode_bounds(matrix, inertia), [[0.06], [0.08]])
+    # correlated: the inverse of the mean of inverses, by hand for one episode is the matrix itself
+    correlated = np.array([[[[0.09, 0.03, 0.0], [0.03, 0.18, 0.0], [0.0, 0.0, 0.27]]]])
+    np.testing.assert_allclose(population_bound(correlated, inertia[:1]), [0.06])
+    both = np.concatenate([correlated, matrix[1:]])
+    mean = 0.5 * (np.linalg.inv(correlated[0, 0]) + np.linalg.inv(matrix[1, 0]))
+    np.testing.assert_allclose(population_bound(both, inertia), [np.trace(np.linalg.inv(mean)) / 9.0])
+
+
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+def test_ideal_error_is_that_of_a_scalar_filter(skewed: Satellite, parameters: str) -> None:
+    """Gain k of the filter's Riccati equation: lag' = (1 - k) (lag - change), noise' = (1 - k)^2 noise + k^2 R."""
+    course, briefing = varying(skewed), brief(skewed, Scenario())
+    settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.01)
+    p = 3 if parameters == "principal" else 6
+    places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][:p]
+    information = sample_information(rate_cap(course, skewed, DT), course.inertia, briefing, p)
+    out = ideal_error(course, skewed, briefing, settings, DT)
+    walk = (0.01 * briefing.theta_scale(parameters)) ** 2 * DT
+    for i in range(2):
+        theta = np.array([course.inertia[i, :, a, b] for a, b in places]).T
+        error = np.array([briefing.inertia[a, b] for a, b in places]) - theta[0]
+        variance, noise = briefing.prior_theta_std(parameters) ** 2, np.zeros(p)
+        for k in range(21):
+            if k > 0:
+                variance, error = variance + walk, error - (theta[k] - theta[k - 1])
+            sensor = 1.0 / information[i, k]
+            gain = variance / (variance + sensor)
+            variance, error = (1.0 - gain) * variance, (1.0 - gain) * error
+            noise = (1.0 - gain) ** 2 * noise + gain**2 * sensor
+            np.testing.assert_allclose(out[i, k], noise + error**2, rtol=1e-9)
 
 
 @pytest.mark.parametrize("walk", [0.0, 0.004])

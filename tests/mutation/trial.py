@@ -8,6 +8,7 @@ moment, and none sees another's.
 from __future__ import annotations
 
 import ast
+import contextlib
 import importlib
 import importlib.machinery
 import importlib.util
@@ -92,7 +93,7 @@ def _run(request: dict[str, Any]) -> dict[str, Any]:
         name = ".".join(path.with_suffix("").parts)
         sys.meta_path.insert(0, _MutantFinder(name, path, mutate(path.read_text(encoding="utf-8"), request["index"])))  # type: ignore[arg-type]
     watch = _Watch(request["order"])
-    options = ["-x", "-q", "--tb=no", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options = ["-x", "-q", "--tb=no", "--assert=plain", "-p", "no:cacheprovider"]
     began = time.process_time()
     code = pytest.main([*options, *request["tests"]], plugins=[watch])
     outcome = "survived" if code == pytest.ExitCode.OK else "killed"
@@ -143,6 +144,9 @@ def main() -> None:
     """Serve until the input ends."""
     for library in _LIBRARIES:
         importlib.import_module(library)
+    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+    with open(os.devnull, "w") as null, contextlib.redirect_stdout(null):
+        pytest.main(["--version", "--version"])  # imports what every trial needs of pytest
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever sends the requests decides when to stop
     for line in sys.stdin:
         print(json.dumps(_try(json.loads(line))), flush=True)
