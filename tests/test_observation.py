@@ -43,35 +43,45 @@ def test_layout_is_contiguous_and_fills_the_space():
     assert env.layout == layout(3, 6)
 
 
-@pytest.mark.parametrize("recorder", [MomentumRecorder(), RateRecorder()], ids=["momentum", "rate"])
-@pytest.mark.parametrize("name", SATELLITES)
-def test_every_part_by_its_definition(name, recorder):
-    satellite, env = SATELLITES[name], SatInertiaIDEnv(name, estimator=recorder)
+@pytest.mark.parametrize("new", [MomentumRecorder, RateRecorder], ids=["momentum", "rate"])
+@pytest.mark.parametrize(("name", "parameters"), [*((name, "principal") for name in SATELLITES), ("pyramid", "full")])
+def test_every_part_by_its_definition(name, parameters, new, pyramid):
+    recorder = new(parameters=parameters)
+    satellite = SATELLITES.get(name, pyramid)
+    env = SatInertiaIDEnv(satellite, estimator=recorder)
     scenario, wheels = env.problem.scenario, satellite.wheels
-    j, prior = wheels.inertia, np.diag(brief(satellite, scenario).inertia)
+    spin, prior = wheels.axes * wheels.inertia, brief(satellite, scenario).inertia
+    moments = np.diag(prior)
+    places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: 3 if parameters == "principal" else 6]
+    p = len(places)
+    scale = np.sqrt([moments[i] * moments[j] for i, j in places])
     observation, _ = env.reset(seed=5)
     rng = np.random.default_rng(0)
-    for step in range(25):
-        action = rng.uniform(-0.3, 0.3, 3).astype(np.float32)
+    for step in range(15):
+        action = rng.uniform(-0.3, 0.3, wheels.count).astype(np.float32)
         observation, *_ = env.step(action)
         x, covariance = recorder.mean, recorder.covariance
-        theta, std = x[3:6], np.sqrt(np.diag(covariance))
+        theta, std = x[3 : 3 + p], np.sqrt(np.diag(covariance))
+        inertia = np.zeros((3, 3))
+        for value, (i, j) in zip(theta, places, strict=True):
+            inertia[i, j] = inertia[j, i] = value
         if recorder.coordinates == "momentum":
-            momentum, tau = x[:3], x[6:]
-            omega = (momentum - j * recorder.wheel_speed) / theta
+            momentum, tau = x[:3], x[3 + p :]
+            omega = np.linalg.solve(inertia, momentum - spin @ recorder.wheel_speed)
         else:
             omega, tau = x[:3], np.zeros(3)
-            momentum = theta * omega + j * x[6:]
+            momentum = inertia @ omega + spin @ x[3 + p :]
+        slope = np.linalg.solve(inertia, np.cross(momentum, omega) + tau)
         expected = {
             "rate": recorder.gyro / satellite.rate_limit,
             "wheel_speed": recorder.wheel_speed / wheels.max_speed,
-            "inertia": theta / prior - 1.0,
-            "uncertainty": np.log10(std[3:6] / prior) + 2.0,
+            "inertia": (theta - [prior[place] for place in places]) / scale,
+            "uncertainty": np.log10(std[3 : 3 + p] / scale) + 2.0,
             "disturbance": tau / satellite.disturbance_std,
-            "correlation": (covariance[:3, 3:6] / np.outer(std[:3], std[3:6])).ravel(),
-            "authority": wheels.max_torque * 1.0 / prior / satellite.rate_limit,
-            "swing": prior * satellite.rate_limit / (j * wheels.max_speed),
-            "drift": (np.cross(momentum, omega) + tau) / theta * 1.0 / satellite.rate_limit,
+            "correlation": (covariance[:3, 3 : 3 + p] / np.outer(std[:3], std[3 : 3 + p])).ravel(),
+            "authority": np.abs(wheels.axes) @ wheels.max_torque * 1.0 / moments / satellite.rate_limit,
+            "swing": moments * satellite.rate_limit / (np.abs(spin) @ wheels.max_speed),
+            "drift": slope * 1.0 / satellite.rate_limit,
             "command": action,
             "time_left": [1.0 - (step + 1) / 300],
         }
