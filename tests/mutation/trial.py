@@ -56,12 +56,14 @@ class _MutantFinder:
 
     def __init__(self, name: str, path: Path, tree: ast.Module) -> None:
         self.name, self.path, self.code = name, str(path), compile(tree, str(path), "exec", dont_inherit=True)
+        self.asked = False
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
         if name != self.name:
             return None
+        self.asked = True
         return importlib.util.spec_from_loader(name, _MutantLoader(name, self.path, self.code))
 
 
@@ -88,14 +90,18 @@ def _run(request: dict[str, Any]) -> dict[str, Any]:
     """In the fork: import the mutant and run the tests."""
     seconds = request["seconds"]
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+    finder = None
     if request["index"] is not None:
         path = Path(request["path"])
-        name = ".".join(path.with_suffix("").parts)
-        sys.meta_path.insert(0, _MutantFinder(name, path, mutate(path.read_text(encoding="utf-8"), request["index"])))  # type: ignore[arg-type]
+        tree = mutate(path.read_text(encoding="utf-8"), request["index"])
+        finder = _MutantFinder(".".join(path.with_suffix("").parts), path, tree)
+        sys.meta_path.insert(0, finder)  # type: ignore[arg-type]
     watch = _Watch(request["order"])
     options = ["-x", "-q", "--tb=no", "--assert=plain", "-p", "no:cacheprovider"]
     began = time.process_time()
     code = pytest.main([*options, *request["tests"]], plugins=[watch])
+    if finder is not None and not finder.asked:
+        raise RuntimeError(f"the tests do not import {finder.name}, or it was imported before the trial")
     outcome = "survived" if code == pytest.ExitCode.OK else "killed"
     if code == pytest.ExitCode.NO_TESTS_COLLECTED:
         outcome = "untested"
@@ -146,10 +152,11 @@ def main() -> None:
         importlib.import_module(library)
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     with open(os.devnull, "w") as null, contextlib.redirect_stdout(null):
-        pytest.main(["--version", "--version"])  # imports what every trial needs of pytest
+        pytest.main(["--noconftest", "--version", "--version"])  # imports what every trial needs of pytest
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever sends the requests decides when to stop
-    for line in sys.stdin:
-        print(json.dumps(_try(json.loads(line))), flush=True)
+    with contextlib.suppress(BrokenPipeError):  # nobody waits for the answer any more
+        for line in sys.stdin:
+            print(json.dumps(_try(json.loads(line))), flush=True)
 
 
 if __name__ == "__main__":
