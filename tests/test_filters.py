@@ -541,6 +541,20 @@ def test_a_wild_reading_is_guarded_and_counted(microsat):
     assert (ekf.mean[3:6] > 0.05 * np.diag(briefing.inertia)).all()
 
 
+@pytest.mark.parametrize("new", [MomentumEKF, RateEKF])
+def test_a_filter_started_again_forgets_everything(new, microsat):
+    """The same rows started twice: nothing of the first flight is left, its count and its flag neither."""
+    briefing, first = brief(microsat, SCENARIOS["default"]), (np.array([0.01, -0.02, 0.03]), np.array([9.0, 8.0, 7.0]))
+    ekf, fresh = new(), new()
+    for filter in (ekf, fresh):
+        filter.reset(briefing, *first)
+    assert ekf._rows["broken"][0] == 0
+    for name in ("mean", "covariance", "wheel_input", "guarded", "broken"):
+        ekf._rows[name] = 7
+    kernels.start_filter(ekf._rows, ekf._work, *first)
+    assert ekf._rows.tobytes() == fresh._rows.tobytes()
+
+
 def test_an_update_never_raises_and_a_prediction_never_lowers_uncertainty(microsat):
     readings = fly(microsat, "static", seconds=30)
     ekf = MomentumEKF()

@@ -18,5 +18,10 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "condition: for r in range(3 + n): -> for r in range(3 - n):": (
             "the rows start as zeros, and the same places are written every time"
         ),
+        "condition: for r in range(3 + n): -> for r in range(2 + n):": "as above",
+        "predict: identity = work.jacobian[3] -> identity = work.jacobian[2]": "what was there is not needed any more",
+    },
+    "core/kalman": {
+        ": _MOST_HALVINGS = 40 -> _MOST_HALVINGS = 39": "an update of 10^12 times the inertia is beyond any sensor",
     },
 }
