@@ -88,7 +88,7 @@ def test_a_foreign_estimators_belief_is_shown():
 
 
 def test_a_strip_puts_values_where_they_belong():
-    canvas = Canvas(480)
+    canvas = Canvas(480, 480)
     strip = Strip(canvas=canvas, x=100.0, y=200.0, width=200.0, height=100.0, horizon=10.0, low=-1.0, high=1.0)
     strip.ground()
     strip.band(np.array([0.0, 5.0]), np.array([-0.5, -0.5]), np.array([0.5, 0.5]), SERIES[2], 0.5)

@@ -9,6 +9,7 @@ from satid_gym.rendering.history import History
 from satid_gym.rendering.scene import Scene, stars
 from satid_gym.rendering.strip import Strip
 
+UNITS = 480  # width and height of a frame, in which the places below are
 _MARGIN = 0.03  # of a moment: how far its strip reaches beyond where the truth has been
 
 
@@ -22,7 +23,7 @@ def draw(history: History, size: int) -> np.ndarray:
     Returns:
         (size, size, 3) uint8.
     """
-    canvas = Canvas(size)
+    canvas = Canvas(UNITS, UNITS, size / UNITS)
     _head(canvas, history)
     _scene(canvas, history)
     rate = history.rate / history.satellite.rate_limit
