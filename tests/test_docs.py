@@ -223,3 +223,26 @@ def test_argument_tables_are_the_signatures():
     assert [name for name in rows if name not in ("argument", "option")] == [
         *single, *vector, *RESET_OPTIONS, "reset_mask"
     ]  # fmt: skip
+
+
+# the site's own tools
+
+
+def tool(name):
+    return runpy.run_path(str(ROOT / "docs" / "site" / name))
+
+
+def test_reference_of_commands_has_their_options():
+    sections = {text.split("\n")[0]: text for text in tool("commands.py")["of"]("agents")}
+    assert "| `policy` | required |" in sections["## agents.evaluate"]
+    assert "| `--seed-split` | `validation` |" in sections["## agents.evaluate"]
+    assert "| `--seed-split` | `test` |" in sections["## agents.compare"]
+    assert "| `--steps` | `10000000` |" in sections["## agents.train"]
+
+
+def test_formulas_become_mathml():
+    page = '<p><span class="arithmatex">\\(a &lt; b\\)</span></p><div class="arithmatex">\\[\n\\dot M = u\n\\]</div>'
+    made = tool("mathml.py")["on_page_content"](page)
+    assert made.count("<math") == 2
+    assert "arithmatex" not in made
+    assert made.count('display="block"') == 1
