@@ -64,7 +64,8 @@ def test_a_policy_that_does_all_that_is_asked_holds():
     ],
 )
 def test_each_claim_breaks_alone(changes, broken):
-    assert [asked for asked, holds in held(benchmark_claims(results(cell(**changes)), "own")).items() if not holds] == broken
+    claims = held(benchmark_claims(results(cell(**changes)), "own"))
+    assert [asked for asked, holds in claims.items() if not holds] == broken
 
 
 def test_profiles_outside_the_envelope_do_not_count_while_one_is_inside():
