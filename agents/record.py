@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from agents import video
 from agents.pilot import Pairing, Pilot
+from baselines.ending import ended
 from satid_gym.rendering.canvas import ALARM, BACKGROUND, MUTED, RULE, TEXT, Canvas, Colour
 from satid_gym.rendering.strip import Strip
 
@@ -140,15 +141,12 @@ def main() -> int:
     recording = tyro.cli(Recording, description=__doc__)
     try:
         path = record(recording)
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("interrupted: no video was written", file=sys.stderr)
-        return 130
     print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main, "no video was written"))

@@ -17,6 +17,7 @@ from rich.live import Live
 
 from agents.dashboard import dashboard, verdict
 from agents.pilot import Pairing, Pilot
+from baselines.ending import ended
 from satid_gym.config import check_number
 
 _LINES = 10  # in an episode, where the output is no terminal
@@ -103,12 +104,10 @@ def main() -> int:
     console = Console()
     try:
         watch(pilots, f"{pairing.satellite}, {pairing.inertia} inertia", settings.speed, console)
-    except KeyboardInterrupt:
-        console.show_cursor()  # rich does so as well, unless it was just about to begin
-        console.print("\nstopped")
-        return 130
+    finally:
+        console.show_cursor()  # rich does so as well, unless Ctrl-C came as it was about to begin
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main, "run it again to see the rest"))

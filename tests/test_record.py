@@ -12,6 +12,7 @@ from PIL import Image
 
 from agents import record, video
 from agents.pilot import Pairing, Pilot
+from baselines.ending import ended
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policy import Mission
@@ -33,7 +34,7 @@ class FullTorque:
 
 def run(monkeypatch, *arguments: str) -> int:
     monkeypatch.setattr(sys, "argv", ["record", *arguments])
-    return record.main()
+    return ended(record.main)
 
 
 def decode(path: Path) -> list[np.ndarray]:
@@ -163,7 +164,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
         (("generalist", "--every", "0"), "every must be at least 1"),
         (("generalist", "--size", "20"), "render_size must be"),
         (("generalist", "--output", "flight.avi"), "must end in .mp4 or .gif"),
-        (("generalist", "--output", "file/flight.mp4"), "file"),
+        (("generalist", "--output", "file/flight.mp4"), "file: "),
         (("generalist", "--output", "folder.gif"), "is a folder"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
