@@ -124,6 +124,17 @@ def test_strips_follow_estimate_and_truth():
     np.testing.assert_array_equal(still, truth)
 
 
+def test_a_strip_reaches_to_the_present_estimate():
+    env = flown(5, inertia="static")
+    env._history._series["std"][:] = 0.0
+    for off in (1.01, 1.25, 0.6):
+        env._history._series["estimate"][5] = off * env._history.truth[5]
+        strips = env.render()[STRIPS]
+        for i in range(3):
+            ends = where(strips[60 * i : 60 * i + 56, 80:92], SERIES[i])
+            assert len(ends) > 0, (off, i)
+
+
 def test_momentum_stays_in_space_while_the_body_turns():
     env = flown(0, satellite="cubesat", inertia="static")
     centres = []
