@@ -129,17 +129,9 @@ def run(fuzz: Fuzz) -> dict[Group, Findings]:
 def print_findings(found: dict[Group, Findings]) -> None:
     """One row a group."""
     table = Table(title="Fuzz")
-    for heading in (
-        "group",
-        "flown",
-        "refused",
-        "told: no draw",
-        "told: breakdown",
-        "episodes",
-        "|M| drift",
-        "failures",
-    ):
-        table.add_column(heading, justify="left" if heading == "group" else "right")
+    table.add_column("group", no_wrap=True)
+    for heading in ("flown", "refused", "no draw", "breakdown", "episodes", "|M| drift", "failures"):
+        table.add_column(heading, justify="right")
     for group, f in found.items():
         episodes = f.tally["terminated"] + f.tally["truncated"]
         cells = (f.flown, f.refused, f.undrawable, len(f.breakdown), episodes, f"{f.drift:.0e}", len(f.failures))
