@@ -34,7 +34,7 @@ def protagonists(records: Sequence[Record]) -> list[str]:
     """
     kinds = {kind: [r for r in records if r["kind"] == kind] for kind in ("learned", "closed_loop")}
     scripted = [r for r in records if r["policy"] in PROFILES]
-    groups = [group for group in (scripted, kinds["learned"] or kinds["closed_loop"]) if group] or [records]
+    groups = [group for group in (scripted, kinds["learned"] or kinds["closed_loop"]) if group] or [[*records]]
     return [min(group, key=lambda r: r["final_error_mean"])["policy"] for group in groups]
 
 
@@ -49,7 +49,8 @@ def fly_episode(
         (3, T) and `attitude` (4, T), body to inertial, scalar last. A flight ends with its termination.
     """
     operated = scenario.operate(SATELLITES[satellite])
-    flights = []
+    assert operated.size is not None  # of those that come with the library
+    flights: list[dict[str, Any]] = []
     for policy in policies:
         recording = record(policy, satellite=satellite, inertia=mode, seeds=[seed], scenario=scenario)
         ends = scenario.termination_factor * operated.rate_limit
@@ -59,7 +60,7 @@ def fly_episode(
         "inertia_mode": mode,
         "seed": seed,
         "horizon": scenario.horizon,
-        "size": SATELLITES[satellite].size.tolist(),
+        "size": operated.size.tolist(),
         "rate_limit": operated.rate_limit,
         "wheel_axes": operated.wheels.axes.T.tolist(),
         "wheel_speed_limit": operated.wheels.max_speed.tolist(),

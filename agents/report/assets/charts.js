@@ -118,6 +118,7 @@ function front(points) {
 function showTradeOff(id, key, scale, title, line) {
   const chart = byId(id);
   const policies = rows().filter((row) => row.kind !== "bound");
+  policies.sort((a, b) => (a.kind === "learned") - (b.kind === "learned")); // drawn last, on top
   const positive = policies.map((row) => scale * row[key]).filter((x) => x > 0);
   const least = positive.length ? Math.min(...positive, line ?? Infinity) : 1;
   const zero = 10 ** (Math.floor(Math.log10(least)) - 0.5);
@@ -187,7 +188,8 @@ function showTradeOff(id, key, scale, title, line) {
   const width = chart.clientWidth - figure.margin.l - figure.margin.r;
   const height = figure.height - figure.margin.t - figure.margin.b;
   const place = (value, from, to, span) => (span * Math.log(value / from)) / Math.log(to / from);
-  const ranked = points.toSorted((a, b) => best.includes(b) - best.includes(a));
+  const rank = (p) => (p.row.kind === "learned" ? 2 : 0) + best.includes(p);
+  const ranked = points.toSorted((a, b) => rank(b) - rank(a)); // who matters most is labelled first
   const spots = ranked.map((p) => ({
     x: place(p.x, left, right, width),
     y: height - place(p.y, low, high, height),
@@ -211,11 +213,11 @@ function label(point, [dx, dy]) {
   return {
     x: Math.log10(point.x), y: Math.log10(point.y), ax: dx, ay: dy, text: point.row.policy, showarrow: true,
     arrowwidth: 0.8, arrowhead: 0, arrowcolor: far ? colour("faint") : "rgba(0,0,0,0)", standoff: 4,
-    font: { size: 12, color: colour("ink") },
+    font: { size: 12, color: colour("ink") }, bgcolor: translucent("paper", 0.75), borderpad: 0,
   };
 }
 
-const shortNumber = (value) => (value < 1e-3 ? `1e${Math.round(Math.log10(value))}` : String(value));
+const shortNumber = (value) => (value < 0.01 ? `10<sup>${Math.round(Math.log10(value))}</sup>` : String(value));
 
 function showTradeOffs() {
   showTradeOff("effort-chart", "effort", 1, "effort (mean square of command)");

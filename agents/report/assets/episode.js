@@ -49,7 +49,7 @@ function momentsFigure(flight, range) {
     ];
   });
   const names = AXES.map((axis, i) => ({
-    x: episode.horizon, y: flight.inertia[i].at(-1), text: axis, showarrow: false, xanchor: "right", yanchor: "bottom",
+    x: episode.horizon, y: flight.inertia[i].at(-1), text: axis, showarrow: false, xanchor: "right", yanchor: "bottom", yshift: 4,
     font: { color: colour(AXIS_COLOURS[i]), size: 14 },
   }));
   const yaxis = { title: { text: "moment, kg m\u00b2" }, range };
@@ -100,10 +100,12 @@ function wheelsFigure(flight) {
   ];
   const yaxis = { title: { text: "speed, rad/s" }, range: [-1.12 * most, 1.12 * most] };
   const figure = layout({ height: 300, hovermode: "x unified", xaxis: timeAxis(), yaxis });
-  figure.annotations = flight.wheel_speed.map((speed, k) => ({
-    x: 0.015 + 0.13 * k, y: 0.93, xref: "paper", yref: "paper", text: `wheel ${k + 1}`, showarrow: false, xanchor: "left",
-    yanchor: "top", font: { color: colour(WHEEL_COLOURS[k % WHEEL_COLOURS.length]), size: 13 },
-  }));
+  const names = flight.wheel_speed.map(
+    (_, k) => `<span style="color:${colour(WHEEL_COLOURS[k % WHEEL_COLOURS.length])}">wheel ${k + 1}</span>`,
+  );
+  figure.annotations = [
+    { x: 0.01, y: 0.93, xref: "paper", yref: "paper", text: names.join("   "), showarrow: false, xanchor: "left", yanchor: "top" },
+  ];
   return [traces, figure];
 }
 
@@ -142,8 +144,12 @@ function showEpisode() {
 
 function describeEpisode() {
   const pilots = episode.flights.map((f) => `${f.policy} (${KINDS[f.kind]})`).join(" beside ");
+  const why =
+    episode.flights.length === 2 && episode.flights[0].kind === "scripted"
+      ? `${episode.flights[0].policy} has the lowest mean final error in this cell among the paper's scripted profiles. `
+      : "";
   byId("episode-note").textContent =
-    `${episode.satellite}, inertia mode ${episode.inertia_mode}, seed ${episode.seed}: ${pilots}, ` +
-    "in the same world and with the same noise. Drag the picture or use the arrow keys on it to look from elsewhere; " +
-    "the space bar plays and pauses.";
+    `${episode.satellite}, inertia mode ${episode.inertia_mode}, seed ${episode.seed}: ${pilots}. ${why}` +
+    "World and noise are the same for all. Drag the picture, or use the arrow keys on it, to look from elsewhere; the " +
+    "space bar plays and pauses.";
 }

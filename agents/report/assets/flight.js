@@ -80,7 +80,7 @@ function wheelPlace(k) {
   const axis = episode.wheel_axes[k];
   const reach = Math.min(...axis.map((a, i) => (Math.abs(a) > 1e-9 ? half[i] / Math.abs(a) : Infinity)));
   const across = unit(cross(axis, Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
-  return { axis, centre: scaled(axis, 0.62 * reach), radius: 0.3 * Math.min(...episode.size), u: across, v: cross(axis, across) };
+  return { axis, centre: scaled(axis, 0.66 * reach), radius: 0.34 * Math.min(...episode.size), u: across, v: cross(axis, across) };
 }
 
 const WHEELS = episode.wheel_axes.map((_, k) => wheelPlace(k));
@@ -98,7 +98,7 @@ function draw(view) {
   pen.lineJoin = "round";
   const state = stateAt(flight, clock.time);
   const [right, up, near] = viewAxes();
-  const zoom = Math.min(width, height) / (2.75 * longest);
+  const zoom = Math.min(width, height) / (2.5 * longest);
   const flat = (p) => [width / 2 + zoom * dot(p, right), height / 2 - zoom * dot(p, up)];
   const inertial = (p) => turned(state.attitude, p);
   const seen = (v) => dot(inertial(v), near) > 0;
@@ -107,13 +107,13 @@ function draw(view) {
     pen.beginPath();
     points.forEach((p, i) => pen[i ? "lineTo" : "moveTo"](...flat(p)));
   };
-  const face = ({ corners }, opacity) => {
+  const face = ({ corners }, opacity, edge) => {
     path(corners.map(inertial));
     pen.closePath();
-    pen.fillStyle = translucent("faint", opacity);
+    pen.fillStyle = translucent("sky", opacity);
     pen.fill();
-    pen.strokeStyle = colour("faint");
-    pen.lineWidth = 1.2;
+    pen.strokeStyle = colour(edge > 1 ? "ink" : "faint");
+    pen.lineWidth = edge;
     pen.stroke();
   };
   const arrow = (tip, name, text, thick, dash = []) => {
@@ -152,52 +152,61 @@ function draw(view) {
 
   const basis = [0, 1, 2].map((k) => [0, 1, 2].map((i) => Number(i === k)));
   const arrows = [
-    ...basis.map((axis, k) => ({ tip: scaled(axis, 1.12 * longest), name: "faint", text: "XYZ"[k], thick: 1, dash: [3, 4] })),
+    ...basis.map((axis, k) => ({ tip: scaled(axis, 1.05 * longest), name: "faint", text: "XYZ"[k], thick: 1, dash: [3, 4] })),
     ...basis.map((axis, k) => ({ tip: inertial(scaled(axis, half[k] + 0.26 * longest)), name: AXIS_COLOURS[k], text: AXES[k], thick: 2 })),
     { tip: inertial(scaled(state.momentum, (0.95 * longest) / (mostMomentum || 1))), name: "purple", text: "M", thick: 3 },
-    { tip: inertial(scaled(state.rate, (0.8 * longest) / episode.rate_limit)), name: "orange", text: "\u03c9", thick: 3 },
+    { tip: inertial(scaled(state.rate, (0.62 * longest) / episode.rate_limit)), name: "ink", text: "\u03c9", thick: 3 },
   ];
   const depth = (p) => dot(p, near);
   const order = (list) => list.toSorted((a, b) => depth(a.tip) - depth(b.tip));
   order(arrows.filter((a) => depth(a.tip) < 0)).forEach((a) => arrow(a.tip, a.name, a.text, a.thick, a.dash));
-  FACES.filter((f) => !seen(f.normal)).forEach((f) => face(f, 0.1));
+  FACES.filter((f) => !seen(f.normal)).forEach((f) => face(f, 0.12, 0.7));
   const discs = WHEELS.map((wheel, k) => ({ wheel, k, away: depth(inertial(wheel.centre)) }));
-  for (const { wheel, k } of discs.toSorted((a, b) => a.away - b.away)) drawWheel(pen, path, inertial, wheel, k, state.angle[k]);
-  FACES.filter((f) => seen(f.normal)).forEach((f) => face(f, 0.16));
+  for (const { wheel, k } of discs.toSorted((a, b) => a.away - b.away)) drawWheel(pen, path, inertial, near, wheel, k, state.angle[k]);
+  FACES.filter((f) => seen(f.normal)).forEach((f) => face(f, 0.14, 1.5));
   order(arrows.filter((a) => depth(a.tip) >= 0)).forEach((a) => arrow(a.tip, a.name, a.text, a.thick, a.dash));
 }
 
-/** A disc with four sectors, so that its turning is seen; under reduced motion it stands still. */
-function drawWheel(pen, path, inertial, { centre, radius, u, v }, k, angle) {
+/** A wheel as a pile of discs, the far ones first; sectors on the near one show it turn, unless motion is to be less. */
+function drawWheel(pen, path, inertial, near, { axis, centre, radius, u, v }, k, angle) {
   const name = WHEEL_COLOURS[k % WHEEL_COLOURS.length];
   const start = REDUCED.matches ? 0 : angle;
-  const rim = (a) => inertial(plus(centre, plus(scaled(u, radius * Math.cos(a)), scaled(v, radius * Math.sin(a)))));
-  const arc = (from, to) => Array.from({ length: 13 }, (_, i) => rim(from + ((to - from) * i) / 12));
-  path([...arc(0, Math.PI), ...arc(Math.PI, 2 * Math.PI)]);
-  pen.fillStyle = colour("paper");
-  pen.fill();
-  for (const quarter of [0, 2]) {
-    const from = start + (quarter * Math.PI) / 2;
-    path([inertial(centre), ...arc(from, from + Math.PI / 2)]);
+  const side = Math.sign(dot(inertial(axis), near)) || 1;
+  for (let layer = -3; layer <= 3; layer += 1) {
+    const middle = plus(centre, scaled(axis, layer * side * 0.045 * radius));
+    const rim = (a) => inertial(plus(middle, plus(scaled(u, radius * Math.cos(a)), scaled(v, radius * Math.sin(a)))));
+    const arc = (from, to) => Array.from({ length: 13 }, (_, i) => rim(from + ((to - from) * i) / 12));
+    const whole = [...arc(0, Math.PI), ...arc(Math.PI, 2 * Math.PI)];
+    path(whole);
     pen.closePath();
-    pen.fillStyle = translucent(name, 0.75);
+    pen.fillStyle = layer < 3 ? colour(name) : colour("paper");
     pen.fill();
+    if (layer < 3) continue;
+    for (const from of [start, start + Math.PI]) {
+      path([inertial(middle), ...arc(from, from + Math.PI / 2)]);
+      pen.closePath();
+      pen.fillStyle = colour(name);
+      pen.fill();
+    }
+    path(whole);
+    pen.closePath();
+    pen.strokeStyle = colour(name);
+    pen.lineWidth = 2;
+    pen.stroke();
   }
-  path([...arc(0, Math.PI), ...arc(Math.PI, 2 * Math.PI)]);
-  pen.closePath();
-  pen.strokeStyle = colour(name);
-  pen.lineWidth = 2;
-  pen.stroke();
 }
+
+/** A number with so many decimals, and no minus before a zero. */
+const fixed = (value, decimals) => (Number(value.toFixed(decimals)) || 0).toFixed(decimals);
 
 // gauges: each rate and each wheel against its limit
 
 function makeGauges(flight) {
   const rowsOf = [
-    ...AXES.map((axis, i) => ({ name: `rate ${axis}`, look: AXIS_COLOURS[i], limit: episode.rate_limit, of: (s) => s.rate[i], text: (v) => `${(1e3 * v).toFixed(1)} mrad/s` })),
+    ...AXES.map((axis, i) => ({ name: `rate ${axis}`, look: AXIS_COLOURS[i], limit: episode.rate_limit, of: (s) => s.rate[i], text: (v) => `${fixed(1e3 * v, 1)} mrad/s` })),
     ...flight.wheel_speed.map((_, k) => ({
       name: `wheel ${k + 1}`, look: WHEEL_COLOURS[k % WHEEL_COLOURS.length], limit: episode.wheel_speed_limit[k],
-      of: (s) => s.wheelSpeed[k], text: (v) => `${v.toFixed(0)} rad/s`,
+      of: (s) => s.wheelSpeed[k], text: (v) => `${fixed(v, 0)} rad/s`,
     })),
   ];
   const box = make("div", { class: "gauges" });
@@ -291,7 +300,7 @@ function makeViews() {
   const slower = (10 * Math.max(...episode.wheel_speed_limit)) / (2 * Math.PI * TURNS);
   byId("flight-note").textContent =
     "The box is to scale. Thin dashed X, Y, Z: inertial axes; x, y, z: body axes; M: total angular momentum, which " +
-    "only disturbances can move; \u03c9: body rate. The discs are the wheels; they are drawn inside the box, and at " +
+    "only disturbances can move; \u03c9: body rate. The bars show each rate and each wheel's speed against its limit. The discs are the wheels; they are drawn inside the box, and at " +
     `10 x they turn ${Math.round(slower / 10)} times slower than in truth. ` +
     (REDUCED.matches ? "As your system asks for less motion, playing shows one still picture a second." : "");
 }

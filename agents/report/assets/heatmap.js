@@ -9,8 +9,9 @@ function cividis(place) {
   const i = Math.min(Math.floor(at), CIVIDIS.length - 2);
   const channel = (hex, k) => parseInt(hex.slice(1 + 2 * k, 3 + 2 * k), 16);
   const rgb = [0, 1, 2].map((k) => channel(CIVIDIS[i], k) + (at - i) * (channel(CIVIDIS[i + 1], k) - channel(CIVIDIS[i], k)));
-  const light = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
-  return { back: `rgb(${rgb.map(Math.round).join(",")})`, text: light > 125 ? "#000" : "#fff" };
+  const linear = rgb.map((c) => (c / 255 <= 0.03928 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+  const light = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]; // relative luminance, WCAG 2
+  return { back: `rgb(${rgb.map(Math.round).join(",")})`, text: light > 0.179 ? "#000" : "#fff" };
 }
 
 function showHeatmap() {
@@ -33,15 +34,15 @@ function showHeatmap() {
       const style = `background:${back};color:${text};${weight}`;
       return make("td", { style }, percent(row.final_error_mean) + star);
     });
-    return make("tr", { class: limits.includes(name) ? "bound" : null }, make("th", { scope: "row" }, name), ...values);
+    return make("tr", { class: limits.includes(name) ? "bound" : null }, make("th", { scope: "row", class: "text" }, name), ...values);
   });
   const groups = data.satellites.map((s) => make("th", { colspan: data.modes.length, scope: "colgroup" }, s));
   const heads = cells.map((cell) => make("th", { scope: "col" }, cell.mode));
-  const corner = make("th", { rowspan: 2, scope: "col" }, "policy");
+  const corner = make("th", { rowspan: 2, scope: "col", class: "text" }, "policy");
   byId("heatmap").tHead.replaceChildren(make("tr", {}, corner, ...groups), make("tr", {}, ...heads));
   byId("heatmap").tBodies[0].replaceChildren(...body);
   const { tickvals } = decades(100 * low, 100 * high);
-  const ticks = tickvals.map((value) => make("span", { style: `left:${100 * place(value / 100)}%` }, `${value} %`));
+  const ticks = tickvals.map((value) => make("span", { class: place(value / 100) < 0.06 ? "first" : null, style: `left:${100 * place(value / 100)}%` }, `${value} %`));
   byId("colour-scale").replaceChildren(
     make("div", { class: "bar", style: `background:linear-gradient(to right, ${CIVIDIS.join(",")})` }),
     make("div", { class: "ticks" }, ...ticks),

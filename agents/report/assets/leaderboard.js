@@ -16,15 +16,6 @@ const COLUMNS = [
     text: true,
   },
   {
-    key: "kind",
-    label: "kind",
-    meaning:
-      "Scripted: a torque history fixed in advance. Closed loop: designed by hand or planned in flight on a model. " +
-      "Learned: trained by reinforcement learning. Reference: no contender, shown for scale.",
-    text: true,
-    cell: (row) => [KINDS[row.kind] ?? row.kind],
-  },
-  {
     key: "final_error_mean",
     label: "final error\n% [95 %]",
     meaning:
@@ -72,14 +63,15 @@ const COLUMNS = [
   },
   {
     key: "saturated_fraction",
-    label: "satur-\nated %",
+    label: "satu-\nrated %",
     meaning: "Share of the time that a wheel spends at its speed limit, where it can give no torque one way.",
     cell: plain("saturated_fraction", (value) => (100 * value).toFixed(2)),
   },
   {
     key: "terminated_fraction",
     label: "ended\n%",
-    meaning: "Share of the episodes that ended early because a body rate exceeded three times its limit.",
+    meaning: "Share of the episodes that ended early because a body rate exceeded three times its limit. " +
+      "The error then stays what it was.",
     cell: plain("terminated_fraction", (value) => (100 * value).toFixed(1)),
   },
   {
@@ -104,7 +96,17 @@ const COLUMNS = [
     key: "decision_ms",
     label: "decision\nms",
     meaning: "Computing time of a decision on the machine that made this page, with all episodes side by side.",
-    cell: plain("decision_ms", (value) => digits3(value)),
+    cell: plain("decision_ms", (value) => (value < 1e-3 ? "< 0.001" : digits3(value))),
+  },
+  {
+    key: "kind",
+    label: "kind",
+    meaning:
+      "Scripted: a torque history fixed in advance. Closed loop: designed by hand or planned in flight on a model. " +
+      "Learned: trained by reinforcement learning. Reference: no contender, shown for scale. " +
+      "Limit: what the filter, or any estimator, could reach at best.",
+    text: true,
+    cell: (row) => [KINDS[row.kind] ?? "limit"],
   },
 ];
 const sorting = { key: "final_error_mean", descending: false };
@@ -139,7 +141,7 @@ function showLeaderboard() {
   });
   const body = sorted(rows()).map((row) => {
     const cells = columns.map((column) => {
-      if (column.key === "policy") return make("th", { scope: "row" }, swatch(row.policy), " ", row.policy);
+      if (column.key === "policy") return make("th", { scope: "row", class: "text" }, swatch(row.policy), " ", row.policy);
       const known = row[column.key] !== undefined && (row[column.key] !== null || column.key === "time_to_1pct_s");
       const classes = column.text ? "text" : column.key === "final_error_mean" ? "final" : null;
       return make("td", { class: classes }, ...(known ? column.cell(row) : ["-"]));
@@ -158,7 +160,7 @@ function showLeaderboard() {
 function showHeadline() {
   const policies = rows().filter((row) => row.kind !== "bound");
   const best = policies.find((row) => row.best);
-  const error = (row) => `${row.policy} ${percent(row.final_error_mean)} %`;
+  const error = (row) => `${row.policy} ${percent(row.final_error_mean)}\u00a0%`;
   const parts = [best ? `Lowest final error inside the envelope: ${error(best)}.` : "No policy keeps to the envelope."];
   const learned = policies.find((row) => row.kind === "learned");
   const scripted = policies.find((row) => row.kind === "scripted");

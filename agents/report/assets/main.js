@@ -19,7 +19,9 @@ function showProvenance() {
   const entries = {
     command: make("code", {}, command),
     revision: make("code", {}, revision),
-    seeds: `${seeds.split} seeds ${seeds.first} to ${seeds.first + seeds.count - 1}; no policy was tuned or trained on the test seeds`,
+    seeds:
+      `${seeds.split} seeds ${seeds.first} to ${seeds.first + seeds.count - 1}` +
+      (seeds.split === "test" ? ", which neither tuning nor training has seen" : ""),
     scenario: settings.scenario,
     versions: versionsText,
   };
@@ -31,6 +33,7 @@ function showProvenance() {
 }
 
 function showAll() {
+  colours.clear();
   announce();
   showHeatmap();
   showEpisode();

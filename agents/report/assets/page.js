@@ -18,8 +18,15 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+const colours = new Map(); // forgotten when the colour scheme changes
+
 /** The value of a custom property of the style sheet, as the colour scheme has it now. */
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+function colour(name) {
+  if (!colours.has(name)) {
+    colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  }
+  return colours.get(name);
+}
 
 /** A colour of the style sheet with an opacity. */
 function translucent(name, opacity) {
@@ -69,7 +76,7 @@ for (const kind of Object.keys(LOOKS)) {
     kind === "bound" ? ["ideal", "bound"] : data.policies.filter((p) => p.kind === kind).map((p) => p.name);
   const { colours, dashes, symbol, size } = LOOKS[kind];
   names.forEach((name, i) => {
-    const widths = { learned: 3, bound: 1.5 };
+    const widths = { learned: 2.6, bound: 1.5 };
     looks[name] = {
       kind,
       colour: colours[i % colours.length],
@@ -111,7 +118,7 @@ function layout(changes) {
     paper_bgcolor: "rgba(0,0,0,0)",
     plot_bgcolor: "rgba(0,0,0,0)",
     font: { family: getComputedStyle(document.body).fontFamily, size: 13, color: colour("ink") },
-    margin: { l: 62, r: 12, t: 10, b: 46 },
+    margin: { l: 62, r: 18, t: 10, b: 46 },
     hoverlabel: { bgcolor: colour("panel"), bordercolor: colour("faint"), font: { color: colour("ink") } },
     showlegend: false,
     dragmode: coarse ? false : "zoom", // a finger scrolls the page
