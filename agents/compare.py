@@ -33,7 +33,8 @@ from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
 from baselines.ceiling import ceiling
-from baselines.provenance import command, revision, versions, write_json, write_text
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
 from baselines.timing import TimedPolicy
 from satid_gym.config import unknown_name
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
@@ -199,6 +200,7 @@ def main() -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    check_writable(comparison.output)
     results = compare(comparison, learned)
     curves = results.pop("curves")
     paths = write(results, comparison.output)
@@ -220,4 +222,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

@@ -6,7 +6,6 @@ no policy has seen. Prints figures for every claim; the exit code is 1 where one
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,8 @@ import numpy as np
 import tyro
 
 from agents.policies import find
+from baselines.ending import ended
+from baselines.provenance import read_json
 from baselines.registry import build
 from baselines.tune import tune
 from satid_gym import ReactionWheels, Satellite
@@ -149,6 +150,10 @@ def unseen_claims(policy: str, episodes: int) -> list[Claim]:
     return [("unseen satellite: final error over rate_square tuned for it, at most 1.5", *_largest(ratios, 1.5))]
 
 
+_KEYS = ("records", "pairs", "efficiencies")
+REMEDY = "run python -m agents.compare (with --scenario tight for the second file)"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """What to judge."""
@@ -163,17 +168,14 @@ def main() -> int:
     """Print every claim with its figures; the exit code."""
     options = tyro.cli(Options, description=__doc__)
     file = options.results / "compare.json"
-    if not file.is_file():
-        print(f"error: {file} is missing: run python -m agents.compare first", file=sys.stderr)
-        return 2
-    results = json.loads(file.read_text())
+    results = read_json(file, REMEDY, keys=_KEYS)
     records = results["records"]
     tight = options.results / "compare_tight.json"
     held = True
     for policy in dict.fromkeys(r["policy"] for r in records if r["kind"] == "learned"):
         claims, needed = benchmark_claims(results, policy), {"": needed_efficiency(results, policy)}
         if tight.is_file():
-            narrow = json.loads(tight.read_text())
+            narrow = read_json(tight, REMEDY, keys=_KEYS)
             claims += tight_claims(narrow, policy)
             needed["tight: "] = needed_efficiency(narrow, policy)
         claims += unseen_claims(policy, options.episodes)
@@ -186,4 +188,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

@@ -75,6 +75,16 @@ def write_bytes(path: Path, content: bytes) -> None:
             os.close(folder)
 
 
+def check_writable(folder: Path) -> None:
+    """Find out before long work, not after it, whether its results can be written.
+
+    Raises:
+        OSError: they cannot.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    tempfile.TemporaryFile(dir=folder).close()
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file of text as `write_bytes` does."""
     write_bytes(path, text.encode())

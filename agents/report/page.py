@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.report.leaderboard import ALL_MODES, leaderboard
-from baselines.provenance import write_text
+from baselines.provenance import read_json, write_text
 
 ASSETS = Path(__file__).parent / "assets"
 SCRIPTS = ("page.js", "leaderboard.js", "charts.js", "heatmap.js", "episode.js", "flight.js", "main.js")
@@ -49,7 +49,9 @@ def rebuild(folder: Path, scenario: str) -> Path:
                 f"{folder / names[name]} is missing: run python -m agents.compare --scenario {scenario} "
                 f"--output {folder} first"
             )
-    results, curves = (json.loads((folder / names[name]).read_text()) for name in ("results", "curves"))
+    results, curves = (
+        read_json(folder / names[name], "run python -m agents.compare") for name in ("results", "curves")
+    )
     differ = [name for name in _SAME_RUN if results[name] != curves[name]]
     if differ:
         raise ValueError(
