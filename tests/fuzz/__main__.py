@@ -136,7 +136,7 @@ def print_findings(found: dict[Group, Findings]) -> None:
         episodes = f.tally["terminated"] + f.tally["truncated"]
         cells = (f.flown, f.refused, f.undrawable, len(f.breakdown), episodes, f"{f.drift:.0e}", len(f.failures))
         table.add_row(str(group), *map(str, cells))
-    Console().print(table)
+    Console(width=120).print(table)
 
 
 def main() -> int:
