@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare test coverage mutation lint format train benchmark clean
+.PHONY: setup compare test coverage mutation lint format train benchmark docs clean
 
 setup: $(STAMP)
 
@@ -12,7 +12,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "satid-gym needs Python 3.11 or later; set PYTHON=...")'
 	test -x $(RUN) || $(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --upgrade pip
-	$(RUN) -m pip install --quiet --constraint constraints.txt --editable ".[agents,dev]"
+	$(RUN) -m pip install --quiet --constraint constraints.txt --editable ".[agents,dev,docs]"
 	$(RUN) -m satid_gym.warmup
 	touch $(STAMP)
 
@@ -42,6 +42,10 @@ train: setup  ## the shipped generalist, anew
 
 benchmark: setup
 	$(RUN) -m satid_gym.benchmark
+
+docs: setup  ## the documentation site, in build/site
+	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build
+	@echo "build/site/index.html"
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,10 +1,15 @@
-"""Checkpoints: one file of plain arrays, written whole or not at all, read without unpickling."""
+"""Checkpoints: one file of plain arrays and their checksum, written whole or not at all, read without unpickling.
+
+The one before is kept beside it, for the day the newest turns out to be damaged.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import os
-import zipfile
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +18,9 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.rate_env import RateCommandVecEnv
+from baselines.provenance import DamagedFileError, write_bytes
+
+_DIGEST = hashlib.sha256().digest_size
 
 
 def save(path: Path, model: PPO, env: RateCommandVecEnv, notes: dict[str, Any]) -> None:
@@ -34,27 +42,43 @@ def save(path: Path, model: PPO, env: RateCommandVecEnv, notes: dict[str, Any]) 
         "notes": notes,
     }
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **arrays)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    content = file.getvalue()
+    if path.exists():
+        os.replace(path, previous(path))
+    write_bytes(path, content + hashlib.sha256(content).digest())  # numpy reads it all the same
+
+
+def previous(path: Path) -> Path:
+    """Where the checkpoint before the newest is."""
+    return path.with_suffix(".previous.npz")
+
+
+def exists(path: Path) -> bool:
+    """Whether there is something to go on from."""
+    return path.exists() or previous(path).exists()
 
 
 def load(path: Path, model: PPO, env: RateCommandVecEnv) -> dict[str, Any]:
     """Put a model and its environment where `save` found them; returns the notes.
 
+    A damaged checkpoint is put aside with a line on standard error, and the one before it is used: training is
+    repeatable, so nothing but time is lost.
+
     Raises:
-        ValueError: the file is damaged or of other settings; nothing is used of it.
+        DamagedFileError: neither is whole; nothing is used of them.
+        ValueError: it is of other settings.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {key: file[key] for key in file.files}
-        head = json.loads(arrays["head"].tobytes())
-    except (EOFError, OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} is not a whole checkpoint ({error}); delete it and start the run again") from error
+        head, arrays = _read(path)
+    except DamagedFileError as error:
+        if not previous(path).exists():
+            raise
+        print(f"{error}; going on from the checkpoint before it", file=sys.stderr)
+        head, arrays = _read(previous(path))
+        if path.exists():
+            os.replace(path, path.with_suffix(".damaged.npz"))
     try:
         env.restore(_under(arrays, "env."))
         tensors = {k: torch.from_numpy(v) for k, v in _under(arrays, "policy.").items()}
@@ -65,13 +89,27 @@ def load(path: Path, model: PPO, env: RateCommandVecEnv) -> dict[str, Any]:
             index, name = key.split(".")
             states.setdefault(int(index), {})[name] = torch.from_numpy(value)
         model.policy.optimizer.load_state_dict({**optimizer, "state": states})
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, KeyError) as error:
         raise ValueError(f"{path} is of other settings: {error}") from error
     np.random.set_state(("MT19937", arrays["random.numpy"], head["numpy_position"]))  # noqa: NPY002
     torch.set_rng_state(torch.from_numpy(arrays["random.torch"]))
     model._last_obs, model._last_episode_starts = arrays["last.observation"], arrays["last.starts"]
     model.num_timesteps, model._n_updates = head["timesteps"], head["updates"]
     return head["notes"]
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The head and the arrays of a checkpoint whose checksum fits; a file that is damaged is not even parsed."""
+    try:
+        whole = path.read_bytes()
+    except FileNotFoundError as error:
+        raise DamagedFileError(f"{path} is missing") from error
+    content, digest = whole[:-_DIGEST], whole[-_DIGEST:]
+    if hashlib.sha256(content).digest() != digest:
+        raise DamagedFileError(f"{path} is not a whole checkpoint: its checksum does not fit")
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    return json.loads(arrays["head"].tobytes()), arrays
 
 
 def _under(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

@@ -16,6 +16,7 @@ import tyro
 from agents.learned import LearnedPolicy
 from agents.policies import PRETRAINED
 from agents.train import merit
+from baselines.ending import ended
 from baselines.provenance import command
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
@@ -41,9 +42,13 @@ def main() -> int:
     except (FileNotFoundError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    rows = [policy.details["validation"] for policy in policies]
-    scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
-    satellites = [row["satellite"] for row in rows[0]]
+    try:
+        rows = [policy.details["validation"] for policy in policies]
+        scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
+        satellites = [row["satellite"] for row in rows[0]]
+    except (KeyError, TypeError, ValueError) as error:
+        print(f"error: not all policies hold scores of the same validation ({error!r}): train them", file=sys.stderr)
+        return 2
     print(f"{'':24s}" + "".join(f"{s:>24s}" for s in satellites) + "   final, mean error, outside in %")
     for run, score in zip(options.runs, scores, strict=True):
         print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
@@ -62,4 +67,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

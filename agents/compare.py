@@ -1,7 +1,8 @@
 """The benchmark: every policy on 3 satellites x 4 inertia modes, on the same held-out episodes.
 
-Prints tables and writes compare.json and compare.csv. All policies of a cell fly the same truth and the same
-noise; the inertia follows the paper's laws; the test seeds were used by neither tuning nor training.
+Prints tables and writes compare.json, compare.csv and the page report.html. All policies of a cell fly the same
+truth and the same noise; the inertia follows the paper's laws; the test seeds were used by neither tuning nor
+training.
 """
 
 from __future__ import annotations
@@ -25,11 +26,15 @@ import tyro
 from tqdm import tqdm
 
 from agents.policies import shipped
+from agents.report import write_report
+from agents.report.curves import error_bands, rounded
+from agents.report.episode import episode_cell, fly_episode, protagonists
 from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
 from baselines.ceiling import ceiling
-from baselines.provenance import command, revision, versions, write_json, write_text
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
 from baselines.timing import TimedPolicy
 from satid_gym.config import unknown_name
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
@@ -59,7 +64,7 @@ class Comparison:
     seed_split: str = "test"
     """Which seeds: training, tuning, validation or test."""
     output: Path = Path("results")
-    """Folder for compare.json and compare.csv; scenarios other than default add their name."""
+    """Folder for what is written; scenarios other than default add their name to the files'."""
 
     def check(self, learned: Sequence[Policy]) -> None:
         """Refuse what cannot be compared.
@@ -90,10 +95,11 @@ def line_up(comparison: Comparison, satellite: str, learned: Sequence[Policy]) -
 
 
 def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]:
-    """Fly everything; `records`, `pairs`, `bounds` and `efficiencies` as compare.json has them.
+    """Fly everything; `records`, `pairs`, `bounds` and `efficiencies` as compare.json has them, and `curves`.
 
     `bounds` has what each cell allows, `efficiencies` how far each policy gets; there are none where the
     scenario's filter is not the MomentumEKF. Times of decisions are in `efficiencies`: they are no results.
+    `curves` has what the report alone needs, errors against time and one episode in full, and is not for compare.json.
     """
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
     world = benchmark_scenario(comparison.scenario)
@@ -105,6 +111,8 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     pairs: list[dict[str, Any]] = []
     bounds: list[dict[str, Any]] = []
     efficiencies: list[dict[str, Any]] = []
+    curves: list[dict[str, Any]] = []
+    limits: list[dict[str, Any]] = []
     bounded = world.estimator == "momentum"
     with (
         ThreadPoolExecutor(os.cpu_count()) as pool,  # planners leave the interpreter's lock for most of their time
@@ -117,18 +125,28 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
             if top is not None:
                 final = top.final_errors()
                 bounds += [{"policy": name, "kind": "bound", **cell, "final_error": final[name]} for name in final]
+                limits += [
+                    {"policy": name, **cell, "error": rounded(series)}
+                    for name, series in (("bound", top.bound), ("ideal", top.ideal))
+                ]
             bar.set_postfix_str(f"{satellite} {mode}", refresh=False)
             timers = [TimedPolicy(policy) for policy in policies]
             pilot = functools.partial(_fly, satellite=satellite, inertia=mode, seeds=chosen, scenario=world)
             for policy, timed, flight in zip(policies, timers, pool.map(pilot, timers), strict=True):
                 scores[policy.name] = flight.scores()
-                names = {"policy": policy.name, "kind": policy.kind, **cell, "episodes": len(chosen)}
-                records.append({**names, **record(scores[policy.name])})
+                entry = {"policy": policy.name, "kind": policy.kind, **cell, "episodes": len(chosen)}
+                records.append({**entry, **record(scores[policy.name])})
+                curves.append({"policy": policy.name, **cell, **error_bands(flight.error)})
                 if top is not None:
                     reached = top.efficiency(flight.error)
                     efficiencies.append({"policy": policy.name, **cell, **reached, "decision_ms": timed.decision_ms})
                 bar.update()
             pairs += [{**match, **cell, **result} for match, result in _matches(policies, scores)]
+    satellite, mode = shown = episode_cell(comparison.satellites, comparison.modes)
+    names = protagonists([r for r in records if (r["satellite"], r["inertia_mode"]) == shown])
+    pilots = [policy for name in names for policy in flights[shown] if policy.name == name]
+    episode = fly_episode(pilots, satellite=satellite, mode=mode, seed=chosen[0], scenario=world)
+    instants = world.decision_period * np.arange(1, world.decisions + 1)
     return {
         "command": command("agents.compare"),
         "settings": {**dataclasses.asdict(comparison), "output": str(comparison.output)},
@@ -140,6 +158,7 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
         "pairs": pairs,
         "bounds": bounds,
         "efficiencies": efficiencies,
+        "curves": {"time": instants.tolist(), "curves": curves, "bounds": limits, "episode": episode},
     }
 
 
@@ -181,8 +200,11 @@ def main() -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    check_writable(comparison.output)
     results = compare(comparison, learned)
+    curves = results.pop("curves")
     paths = write(results, comparison.output)
+    report = write_report(results, curves, comparison.output)
     first, count = results["seeds"]["first"], results["seeds"]["count"]
     print_comparison(
         results["records"],
@@ -191,7 +213,8 @@ def main() -> int:
         f"this filter's if all samples told as much as the envelope allows; efficiency: bound / achieved\n"
         f"{results['command']}, revision {results['revision']}, scenario {comparison.scenario}, "
         f"{comparison.seed_split} seeds {first} to {first + count - 1}\n"
-        f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s",
+        f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s\n"
+        f"report, for a browser: {report}",
         results["bounds"],
         results["efficiencies"],
     )
@@ -199,4 +222,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

@@ -15,6 +15,7 @@ import tyro
 from agents.compare import Comparison, compare
 from agents.policies import find
 from agents.tables import print_comparison
+from baselines.ending import ended
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,4 +52,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

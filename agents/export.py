@@ -7,7 +7,6 @@ them into torque), motor torque where it is "torque". It is checked against the 
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from dataclasses import dataclass
@@ -22,6 +21,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from agents.learned import LearnedPolicy, Network
 from agents.policies import find
+from baselines.ending import ended
+from baselines.provenance import write_bytes
 from satid_gym.core.observation import BOUND
 
 TOLERANCE = 1e-6
@@ -102,10 +103,7 @@ def export(policy: LearnedPolicy, output: Path) -> tuple[float, float]:
     difference = largest_difference(session, policy.network)
     if difference > TOLERANCE:
         raise ValueError(f"the exported network differs from torch by {difference:.1e}, more than {TOLERANCE:.0e}")
-    output.parent.mkdir(parents=True, exist_ok=True)
-    temporary = output.with_name(output.name + ".part")
-    temporary.write_bytes(model)
-    os.replace(temporary, output)
+    write_bytes(output, model)
     return difference, latency(session, policy.network.weights[0].shape[1])
 
 
@@ -132,4 +130,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

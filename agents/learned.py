@@ -1,23 +1,33 @@
-"""Learned policies: a small network in numpy, read from safetensors and JSON; loading one executes no code."""
+"""Learned policies: a small network in numpy, read from safetensors and JSON; loading one executes no code.
+
+Files may come from anybody: their sizes, names, shapes and values are checked before anything is made of them.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
-import os
+import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors.numpy import load_file, save_file
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
 
+from baselines.provenance import read_json, write_bytes, write_text
 from baselines.rate_loop import RateLoop
 from satid_gym.config import unknown_name
 from satid_gym.policy import Kind, Mission
 
 FORMAT = 1
 CONTROLS = ("rate", "torque")
+LARGEST = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+_HEAD = ("format", "name", "control", "margin", "sha256")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +65,13 @@ class Network:
         names = {f"{kind}.{i}" for kind in ("weight", "bias") for i in range(count)}
         if count == 0 or set(tensors) != names:
             raise ValueError(f"the network's tensors must be weight.i and bias.i, got {sorted(tensors)}")
+        for name, tensor in tensors.items():
+            if tensor.dtype != np.float32:
+                raise ValueError(f"{name} of the network must be float32, got {tensor.dtype}")
         weights = tuple(np.asarray(tensors[f"weight.{i}"], np.float32) for i in range(count))
         biases = tuple(np.asarray(tensors[f"bias.{i}"], np.float32) for i in range(count))
         for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
-            fits = weight.ndim == 2 and bias.shape == weight.shape[:1]
+            fits = weight.ndim == 2 and weight.size > 0 and bias.shape == weight.shape[:1]
             if not fits or (i > 0 and weight.shape[1] != weights[i - 1].shape[0]):
                 raise ValueError(f"layer {i} of the network does not fit: weight {weight.shape}, bias {bias.shape}")
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
@@ -77,7 +90,8 @@ class LearnedPolicy:
         details: how it was trained and what it scored; kept in the JSON file.
 
     Raises:
-        ValueError: the control is unknown.
+        ValueError: the control is unknown, the name is no plain word, the margin no finite number of at least 0, or
+            the network does not end in three body rates though it is to command them.
     """
 
     kind: Kind = "learned"
@@ -87,6 +101,11 @@ class LearnedPolicy:
     ) -> None:
         if control not in CONTROLS:
             raise unknown_name("control of a learned policy", control, CONTROLS)
+        if not 0.0 <= margin < math.inf:
+            raise ValueError(f"margin of a learned policy must be finite and at least 0, got {margin}")
+        if control == "rate" and network.weights[-1].shape[0] != 3:
+            raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
+        check_name(name)
         self.name, self.network, self.control, self.margin = name, network, control, margin
         self.details = dict(details or {})
 
@@ -102,6 +121,9 @@ class LearnedPolicy:
                 f"policy {self.name} takes observations of {expected} numbers, this environment gives {size}: "
                 "it must have as many wheels and inertia parameters as the one it was trained on"
             )
+        outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
+        if self.control == "torque" and outputs != wheels:
+            raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
         self._loop = RateLoop([mission], self.margin)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
@@ -112,17 +134,12 @@ class LearnedPolicy:
         return self._loop(observation, command)
 
     def save(self, path: Path) -> None:
-        """Write `path`.safetensors and `path`.json, each whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        head = {"format": FORMAT, "name": self.name, "control": self.control, "margin": self.margin}
-        tensors, text = _beside(path, ".safetensors"), _beside(path, ".json")
-        temporary = tensors.with_name(tensors.name + ".part")
-        save_file({k: np.ascontiguousarray(v) for k, v in self.network.tensors().items()}, temporary)
-        temporary.chmod(0o644)  # safetensors writes for the owner alone
-        os.replace(temporary, tensors)
-        temporary = text.with_name(text.name + ".part")
-        temporary.write_text(json.dumps({**head, **self.details}, indent=2) + "\n")
-        os.replace(temporary, text)
+        """Write `path`.safetensors and `path`.json, each whole or not at all; the second has the first's checksum."""
+        tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
+        digest = hashlib.sha256(tensors).hexdigest()
+        head = dict(zip(_HEAD, (FORMAT, self.name, self.control, self.margin, digest), strict=True))
+        write_bytes(_beside(path, ".safetensors"), tensors)
+        write_text(_beside(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> LearnedPolicy:
@@ -130,25 +147,43 @@ class LearnedPolicy:
 
         Raises:
             FileNotFoundError: one of the two files is missing.
-            ValueError: a file is damaged or of another format.
+            ValueError: a file is damaged, of another format, or holds what no policy has.
         """
         base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
         tensors, text = _beside(base, ".safetensors"), _beside(base, ".json")
         for file in (tensors, text):
             if not file.is_file():
                 raise FileNotFoundError(f"no policy at {base}: {file} is missing; a policy is a pair of files")
-        try:
-            head = json.loads(text.read_text())
-        except ValueError as error:
-            raise ValueError(f"{text} is not JSON: {error}; copy the policy again") from error
-        if not isinstance(head, dict) or head.get("format") != FORMAT:
+            if file.stat().st_size > LARGEST:
+                raise ValueError(f"{file} has {file.stat().st_size} bytes, a policy at most {LARGEST}")
+        head = read_json(text, "copy the policy again", keys=["format"])
+        if head["format"] != FORMAT:
             raise ValueError(f"{text} is not a policy of format {FORMAT}; train it again with this version")
+        content = tensors.read_bytes()
+        if head.get("sha256") not in (None, hashlib.sha256(content).hexdigest()):
+            raise ValueError(f"{tensors} is damaged or not of {text.name}: its checksum differs; copy both again")
+        details = {name: value for name, value in head.items() if name not in _HEAD}
         try:
-            network = Network.from_tensors(load_file(tensors))
-        except Exception as error:
+            network = Network.from_tensors(load(content))
+        except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
-        details = {k: v for k, v in head.items() if k not in ("format", "name", "control", "margin")}
-        return cls(str(head["name"]), network, str(head["control"]), float(head["margin"]), details)
+        try:
+            return cls(head["name"], network, head["control"], float(head["margin"]), details)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
+
+
+def check_name(name: str) -> None:
+    """Refuse names that are no plain words: they become names of files, and cells of tables.
+
+    Raises:
+        ValueError: the name is empty, long, or holds other than letters, digits, dot, dash and underscore.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ValueError(
+            f"a policy's name is up to 64 letters, digits, dots, dashes and underscores, first a letter or digit; "
+            f"got {name!r}"
+        )
 
 
 def _beside(path: Path, ending: str) -> Path:

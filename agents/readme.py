@@ -6,17 +6,19 @@ and `python -m satid_gym.benchmark --output docs/results/benchmark.json` wrote t
 
 from __future__ import annotations
 
-import json
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from baselines.provenance import write_text
+from baselines.ending import ended
+from baselines.provenance import read_json, write_text
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "docs" / "results"
+REMEDY = "restore it from the repository, or make it anew as this module's description says"
 _ORDER = {"learned": 0, "closed_loop": 1, "scripted": 2, "reference": 3}
 
 
@@ -72,8 +74,9 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
 
 def written(text: str) -> str:
     """The README with its tables made anew from the committed results."""
-    text = between(text, "results", results_table(json.loads((RESULTS / "compare.json").read_text())))
-    return between(text, "benchmark", benchmark_table(json.loads((RESULTS / "benchmark.json").read_text())))
+    results = read_json(RESULTS / "compare.json", REMEDY, keys=("records", "revision", "command"))
+    text = between(text, "results", results_table(results))
+    return between(text, "benchmark", benchmark_table(read_json(RESULTS / "benchmark.json", REMEDY)))
 
 
 def between(text: str, name: str, content: str, source: str = "agents.readme") -> str:
@@ -89,6 +92,11 @@ def between(text: str, name: str, content: str, source: str = "agents.readme") -
     return f"{head}{start}\n{content}\n{end}{rest.partition(end)[2]}"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Command line."""
     readme = ROOT / "README.md"
     write_text(readme, written(readme.read_text()))
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from agents.learned import check_name
+from baselines.provenance import read_json
 from satid_gym.config import unknown_name
 from satid_gym.problem import SatelliteLike
 from satid_gym.reward import RewardSettings, reward_settings
@@ -73,6 +75,7 @@ class TrainSettings:
     """Episodes of an evaluation, on each satellite."""
 
     def __post_init__(self) -> None:
+        check_name(self.name)
         if (self.num_envs * self.rollout) % self.batch_size:
             raise ValueError(
                 f"batch_size must divide num_envs * rollout = {self.num_envs * self.rollout}, got {self.batch_size}"
@@ -125,4 +128,4 @@ def named(name: str) -> TrainSettings:
     names = sorted(path.stem for path in NAMED.glob("*.json"))
     if name not in names:
         raise unknown_name("training settings", name, names)
-    return TrainSettings.from_dict(json.loads((NAMED / f"{name}.json").read_text()))
+    return TrainSettings.from_dict(read_json(NAMED / f"{name}.json", "restore it from the repository"))

@@ -1,17 +1,17 @@
 """From the scores of episodes to records: means with 95 % intervals, and pairs on the same seeds.
 
-Errors are fractions. Intervals are BCa bootstrap over episodes; "_lo" and "_hi" are their ends.
+Errors are fractions. Intervals are the studentised bootstrap over episodes, and Wilson's for shares of wins;
+"_lo" and "_hi" are their ends.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from satid_gym.metrics import bootstrap, improvements, iqm
+from satid_gym.metrics import bootstrap, improvements, iqm, proportion_interval
 
 Scores = Mapping[str, np.ndarray]
 
@@ -22,9 +22,10 @@ def record(scores: Scores) -> dict[str, float | None]:
     A median time to 1 % that is infinite, and a NEES that no episode has, are None.
     """
     return {
-        **_with_interval("final_error", "final_error_mean", scores["final_error"], np.mean),
-        **_with_interval("final_error_iqm", "final_error_iqm", scores["final_error"], iqm),
-        **_with_interval("mean_error", "mean_error_mean", scores["mean_error"], np.mean),
+        **_with_interval("final_error", "final_error_mean", scores["final_error"]),
+        "final_error_iqm": float(iqm(scores["final_error"])),
+        **_ends("final_error_iqm", bootstrap(scores["final_error"], trim=0.25)),
+        **_with_interval("mean_error", "mean_error_mean", scores["mean_error"]),
         "time_to_1pct_s": _finite(np.median(scores["time_to_1pct_s"])),
         "outside_fraction": float(scores["outside_fraction"].mean()),
         "information_nats": float(scores["information_nats"].mean()),
@@ -44,14 +45,18 @@ def pair(scores: Scores, others: Scores) -> dict[str, float]:
     mine, theirs = scores["final_error"], others["final_error"]
     wins, difference = improvements(mine, theirs), mine - theirs
     return {
-        **_with_interval("probability_of_improvement", "probability_of_improvement", wins, np.mean),
-        **_with_interval("difference", "difference_mean", difference, np.mean),
+        "probability_of_improvement": float(wins.mean()),
+        **_ends("probability_of_improvement", proportion_interval(wins)),
+        **_with_interval("difference", "difference_mean", difference),
     }
 
 
-def _with_interval(name: str, point: str, values: np.ndarray, statistic: Any) -> dict[str, float]:
-    low, high = bootstrap(values, statistic)
-    return {point: float(statistic(values)), f"{name}_lo": low, f"{name}_hi": high}
+def _with_interval(name: str, point: str, values: np.ndarray) -> dict[str, float]:
+    return {point: float(values.mean()), **_ends(name, bootstrap(values))}
+
+
+def _ends(name: str, interval: tuple[float, float]) -> dict[str, float]:
+    return {f"{name}_lo": interval[0], f"{name}_hi": interval[1]}
 
 
 def _finite(value: float) -> float | None:

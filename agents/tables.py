@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,8 +46,7 @@ def error_table(
     for mode in dict.fromkeys(r["inertia_mode"] for r in records):
         table.add_column(mode, justify="right", no_wrap=True)
         column = {r["policy"]: r for r in records if r["inertia_mode"] == mode}
-        kept = [r["final_error_mean"] for r in column.values() if r["outside_fraction"] <= MOST_OUTSIDE]
-        columns.append((column, min(kept, default=None)))
+        columns.append((column, best_error(column.values())))
     for policy in policies:
         cells = []
         for column, best in columns:
@@ -60,6 +59,12 @@ def error_table(
         allowed = [f"{100.0 * b['final_error']:.4f}" for b in bounds if b["policy"] == name]
         table.add_row(name, *allowed, style="dim")
     return table
+
+
+def best_error(records: Iterable[Record]) -> float | None:
+    """The lowest final error among the policies that keep to the envelope; None where none does."""
+    kept = (r["final_error_mean"] for r in records if r["outside_fraction"] <= MOST_OUTSIDE)
+    return min(kept, default=None)
 
 
 def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
-import json
+import io
 import shlex
 import sys
 import time
@@ -32,7 +32,8 @@ from agents import checkpoint
 from agents.learned import LearnedPolicy, Network
 from agents.rate_env import RateCommandVecEnv
 from agents.settings import TrainSettings, named
-from baselines.provenance import revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import PART, read_json, revision, versions, write_json, write_text
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 
 CURVE_FIELDS = ("steps", "seconds", "satellite", "reward", "final_error", "mean_error", "outside_fraction", "nees")
@@ -92,10 +93,10 @@ class Run:
     def __init__(self, settings: TrainSettings, folder: Path, *, resume: bool, command: str) -> None:
         self.settings, self.folder = settings, folder
         self.checkpoint = folder / "checkpoint.npz"
-        if self.checkpoint.exists() and not resume:
+        if checkpoint.exists(self.checkpoint) and not resume:
             raise ValueError(f"{folder} holds a run already: add --resume to go on with it, or choose another --run")
-        if resume and not self.checkpoint.exists():
-            raise ValueError(f"{folder} holds no checkpoint to resume from")
+        if resume and not (folder / "run.json").exists():
+            raise ValueError(f"{folder} holds no run to resume")
         torch.set_num_threads(1)  # numba's threads and torch's would fight for the cores
         margin = settings.margin if settings.control == "rate" else None
         self.env = RateCommandVecEnv(
@@ -113,12 +114,14 @@ class Run:
         self.best = np.inf
         self.seconds = {"total": 0.0, "environment": 0.0, "update": 0.0, "evaluation": 0.0}
         folder.mkdir(parents=True, exist_ok=True)
-        if resume:
+        if checkpoint.exists(self.checkpoint):  # a run that was stopped before its first one starts anew
             notes = checkpoint.load(self.checkpoint, self.model, self.env)
             self.curve, self.best, self.seconds = notes["curve"], notes["best"], notes["seconds"]
         head = {"command": command, "revision": revision(), "versions": versions(), "settings": settings.to_dict()}
         if not resume:
             write_json(folder / "run.json", head)
+        for part in folder.glob(f".*{PART}"):  # what was being written when the process was killed
+            part.unlink()
         self.model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
 
     def _new_model(self) -> ExcitationPPO:
@@ -203,10 +206,11 @@ class Run:
 
     def _save(self) -> None:
         notes = {"curve": self.curve, "best": self.best, "seconds": self.seconds}
-        with (self.folder / "curve.csv").open("w", newline="") as file:
-            writer = csv.DictWriter(file, CURVE_FIELDS)
-            writer.writeheader()
-            writer.writerows(self.curve)
+        table = io.StringIO()
+        writer = csv.DictWriter(table, CURVE_FIELDS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.curve)
+        write_text(self.folder / "curve.csv", table.getvalue())
         checkpoint.save(self.checkpoint, self.model, self.env, notes)
 
     def _report(self) -> None:
@@ -257,10 +261,13 @@ def _base(arguments: list[str]) -> TrainSettings:
         return named(known.settings) if known.settings else TrainSettings()
     if known.run is None or others or known.settings:
         raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
-    file = known.run / "run.json"
-    if not file.is_file():
-        raise ValueError(f"{known.run} holds no run: {file} is missing")
-    return TrainSettings.from_dict(json.loads(file.read_text())["settings"])
+    head = read_json(known.run / "run.json", "start the run again, with --run and its settings", keys=["settings"])
+    try:
+        return TrainSettings.from_dict(head["settings"])
+    except (TypeError, AttributeError) as error:
+        raise ValueError(
+            f"{known.run / 'run.json'} holds settings that are none ({error}): start the run again"
+        ) from error
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -273,15 +280,18 @@ def main(arguments: list[str] | None = None) -> None:
         settings = options.training
         folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
         run = Run(settings, folder, resume=options.resume, command=command)
+    except OSError as error:
+        sys.exit(f"agents.train: {error.filename or folder}: {error.strerror or error}")
     except ValueError as error:
         sys.exit(f"agents.train: {error}")
+    again = shlex.join(["python", "-m", "agents.train", "--run", str(folder), "--resume"])
     try:
-        run.learn()
-    except KeyboardInterrupt:
-        sys.exit(f"stopped; go on with: python -m agents.train --run {folder} --resume")
+        code = ended(run.learn, f"go on with: {again}")
     finally:
         run.env.close()
+    if code:
+        sys.exit(code)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(ended(main))

@@ -8,6 +8,7 @@ rule of `python -m baselines.tune`, for an open loop has to leave room for motor
 from __future__ import annotations
 
 import dataclasses
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
+from baselines.ending import ended
 from baselines.open_loop_optimal import DESIGNS, OpenLoopOptimalPolicy, planned_rates
-from baselines.provenance import command, revision, versions, write_json
+from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.tune import Trial, attempt, best
 from satid_gym.bounds import Course, posterior_bound
 from satid_gym.estimators.settings import MomentumEKFSettings, brief
@@ -143,8 +145,10 @@ def run(design: Design) -> dict[str, Any]:
     }
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Command line."""
     settings = tyro.cli(Design, description=__doc__)
+    check_writable(settings.output.parent)
     results = run(settings)
     write_json(settings.output, results)
     for entry in results["entries"]:
@@ -153,3 +157,7 @@ if __name__ == "__main__":
             f"{entry['fraction']:.0%} of the limit: final error {100 * entry['final_error']:.2f} %, "
             f"outside {100 * entry['outside_fraction']:.1f} % of the time"
         )
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.recording import Recording, model_world, record
 from baselines.registry import make_baseline
 from satid_gym.bounds import episode_bounds, population_bound, posterior_bound
@@ -196,8 +198,14 @@ def show(results: dict[str, Any]) -> None:
         print(f"{cell} {default:.4f} {told:.4f} {bound:.4f} {r['given_away']:5.1f}")
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Command line."""
     study = tyro.cli(Study, description=__doc__)
+    check_writable(study.output.parent)
     results = run(study)
     write_json(study.output, results)
     show(results)
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

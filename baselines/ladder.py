@@ -15,6 +15,8 @@ does; where a batch estimator refuses, its error is that of the prior.
 from __future__ import annotations
 
 import dataclasses
+import io
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -26,7 +28,8 @@ import scipy.stats
 import tyro
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_bytes, write_json
 from baselines.recording import Recording, record
 from baselines.scripted import ScriptedPolicy, Signal, staggered_square
 from satid_gym.bounds import posterior_bound
@@ -219,8 +222,9 @@ def draw(records: Sequence[dict[str, Any]], table: Sequence[dict[str, Any]], pat
         row[0].set_ylabel("median error, %")
     for panel in axes[-1]:
         panel.set_xlabel("log det Fisher information")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=130)
+    write_bytes(path, drawn.getvalue())
     plt.close(figure)
 
 
@@ -228,8 +232,10 @@ def _text(correlation: float | None) -> str:
     return "refused" if correlation is None else f"{correlation:.2f}"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Command line."""
     ladder = tyro.cli(Ladder, description=__doc__)
+    check_writable(ladder.output)
     chosen = seeds("validation", ladder.episodes)
     records = climb(ladder, chosen)
     table = correlations(records)
@@ -248,3 +254,7 @@ if __name__ == "__main__":
     print(" " * 18 + "".join(f"{name:>20s}" for name in [*ESTIMATORS, "held"]))
     for line in table:
         print(f"{line['world']:18s}" + "".join(f"{_text(line[name]):>20s}" for name in [*ESTIMATORS, "held"]))
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

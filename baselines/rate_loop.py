@@ -15,8 +15,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.belief import Belief, Craft, times
+from baselines.belief import Belief, Craft
 from satid_gym.config import check_number
+from satid_gym.core.algebra import (
+    add,
+    axpy,
+    axpy_symmetric,
+    cross,
+    inverse,
+    load,
+    load_symmetric,
+    multiply,
+    subtract,
+)
+from satid_gym.core.dynamics import sum_wheels
+from satid_gym.core.jit import inline, kernel
 from satid_gym.policy import Mission
 
 
@@ -45,39 +58,91 @@ class RateLoop:
 
     def __call__(self, observation: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Action (N, n) for observations (N, size) and rate commands (N, 3) in [-1, 1]."""
-        craft, dt = self._craft, self._duration
+        craft = self._craft
         belief = Belief.read(observation, self._layout, craft)
-        flexibility = np.linalg.inv(belief.inertia)
-        reference = self._attainable(belief, flexibility, self._reference(belief, flexibility, command))
-        locked = belief.inertia - craft.carried
-        loose = np.linalg.inv(locked)
-        middle = belief.omega
-        for _ in range(2):  # the second time with the rate that the limited torque will reach
-            drift = belief.disturbance - _cross(middle, belief.momentum)
-            torque = times(locked, reference - belief.omega) / dt - drift
-            motor = np.clip(-times(craft.mixer, torque), -craft.max_torque, craft.max_torque)
-            middle = belief.omega + 0.5 * dt * times(loose, drift - times(craft.axes, motor))
-        return motor / craft.max_torque
-
-    def _reference(self, belief: Belief, flexibility: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(N, 3) rad/s: the command within the limit less the margin for noise and for what J may be."""
-        craft = self._craft
-        command = np.clip(command, -1.0, 1.0)
-        noise = np.sqrt((((flexibility @ craft.axes) * craft.impulse_std[:, None, :]) ** 2).sum(axis=2))
-        error = belief.inertia_std * np.abs(command * craft.rate_limit - belief.omega)
-        std = np.sqrt(noise**2 + error**2 + craft.gyro_noise_std**2)
-        return command * np.maximum(craft.rate_limit - self.margin * std, 0.0)
-
-    def _attainable(self, belief: Belief, flexibility: np.ndarray, reference: np.ndarray) -> np.ndarray:
-        """The reference as far as the wheels can store the momentum that it leaves to them."""
-        craft = self._craft
-        limit = np.maximum(craft.max_spin - self.margin * craft.impulse_std, 0.0)
-        stored = belief.momentum - times(belief.inertia, reference)
-        change = stored - times(craft.axes, belief.wheel_momentum)
-        wheels = np.clip(belief.wheel_momentum + times(craft.mixer, change), -limit, limit)
-        return reference + times(flexibility, stored - times(craft.axes, wheels))
+        state = (belief.omega, belief.momentum, belief.inertia, belief.inertia_std, belief.disturbance)
+        limits = (craft.rate_limit, craft.gyro_noise_std, craft.max_torque, craft.max_spin, craft.impulse_std)
+        build = (craft.axes, craft.mixer, craft.carried)
+        action = np.empty(belief.wheel_momentum.shape)
+        command = np.ascontiguousarray(command, dtype=float)
+        drive_many(*state, belief.wheel_momentum, command, *limits, *build, self.margin, self._duration, action)
+        return action
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Row by row a x b; numpy's own costs several times as much for short rows."""
-    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+@inline
+def mix(mixer, v, k):
+    """Component k of mixer (n, 3) v."""
+    return mixer[k, 0] * v[0] + mixer[k, 1] * v[1] + mixer[k, 2] * v[2]
+
+
+@inline
+def _reference(command, omega, flexibility, inertia_std, rate_limit, gyro_noise_std, impulse_std, axes, margin):
+    """rad/s: the command within the limit less the margin for noise and for what J may be."""
+    v0 = v1 = v2 = gyro_noise_std**2
+    for k in range(axes.shape[1]):
+        x, y, z = multiply(flexibility, (axes[0, k], axes[1, k], axes[2, k]))
+        v0, v1, v2 = v0 + (x * impulse_std[k]) ** 2, v1 + (y * impulse_std[k]) ** 2, v2 + (z * impulse_std[k]) ** 2
+    variance = (v0, v1, v2)
+    return (
+        _within(command[0], omega[0], inertia_std[0], variance[0], rate_limit, margin),
+        _within(command[1], omega[1], inertia_std[1], variance[1], rate_limit, margin),
+        _within(command[2], omega[2], inertia_std[2], variance[2], rate_limit, margin),
+    )
+
+
+@inline
+def _within(command, omega, inertia_std, variance, rate_limit, margin):
+    command = min(max(command, -1.0), 1.0)
+    slew = inertia_std * (command * rate_limit - omega)
+    return command * max(rate_limit - margin * np.sqrt(variance + slew * slew), 0.0)
+
+
+@inline
+def _attainable(reference, momentum, inertia, flexibility, wheel_momentum, max_spin, impulse_std, build, margin, wheel):
+    """The reference as far as the wheels can store the momentum that it leaves to them."""
+    axes, mixer = build
+    stored = subtract(momentum, multiply(inertia, reference))
+    change = subtract(stored, sum_wheels(axes, wheel_momentum))
+    for k in range(wheel.shape[0]):
+        limit = max(max_spin[k] - margin * impulse_std[k], 0.0)
+        wheel[k] = min(max(wheel_momentum[k] + mix(mixer, change, k), -limit), limit)
+    return add(reference, multiply(flexibility, subtract(stored, sum_wheels(axes, wheel))))
+
+
+def _build_drive_many(fingerprint):
+    def drive_many(
+        omegas, momenta, inertias, inertia_stds, disturbances, wheel_momenta, commands,
+        rate_limit, gyro_noise_std, max_torque, max_spin, impulse_std, axes, mixer, carried, margin, period, actions,
+    ):  # fmt: skip
+        """See `RateLoop`; beliefs and commands (N, ...), constants of the satellites (N, ...) or (1, ...)."""
+        fingerprint  # noqa: B018
+        wheel = np.empty(actions.shape[1])
+        for i in range(actions.shape[0]):
+            r = min(i, rate_limit.shape[0] - 1)
+            omega, momentum, inertia = load(omegas[i]), load(momenta[i]), load_symmetric(inertias[i])
+            flexibility = inverse(inertia)
+            wanted = _reference(
+                commands[i], omega, flexibility, inertia_stds[i], rate_limit[r, 0], gyro_noise_std[r, 0],
+                impulse_std[r], axes[r], margin,
+            )  # fmt: skip
+            wanted = _attainable(
+                wanted, momentum, inertia, flexibility, wheel_momenta[i], max_spin[r], impulse_std[r],
+                (axes[r], mixer[r]), margin, wheel,
+            )  # fmt: skip
+            loose = axpy_symmetric(-1.0, load_symmetric(carried[r]), inertia)
+            needed = multiply(loose, subtract(wanted, omega))
+            middle = omega
+            for _ in range(2):  # the second time with the rate that the limited torque will reach
+                drift = add(load(disturbances[i]), cross(momentum, middle))
+                torque = axpy(1.0 / period, needed, (-drift[0], -drift[1], -drift[2]))
+                for k in range(wheel.shape[0]):
+                    wheel[k] = min(max(-mix(mixer[r], torque, k), -max_torque[r, k]), max_torque[r, k])
+                gained = multiply(inverse(loose), subtract(drift, sum_wheels(axes[r], wheel)))
+                middle = axpy(0.5 * period, gained, omega)
+            for k in range(wheel.shape[0]):
+                actions[i, k] = wheel[k] / max_torque[r, k]
+
+    return drive_many
+
+
+drive_many = kernel(_build_drive_many)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
+from baselines.ending import ended
 from baselines.registry import BASELINES, make_baseline
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policy import Kind, Mission, Policy
@@ -69,10 +71,15 @@ def decision_ms(name: str, satellite: str, episodes: int) -> float:
     return policy.decision_ms
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Command line."""
     timing = tyro.cli(Timing, description=__doc__)
     print(f"ms a decision, {timing.satellite}: alone | {timing.episodes} episodes side by side")
     for name in timing.policies:
         decision_ms(name, timing.satellite, 1)  # the first flight may compile
         times = [decision_ms(name, timing.satellite, count) for count in (1, timing.episodes)]
         print(f"{name:18s} {times[0]:8.4f} {times[1]:8.4f}")
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

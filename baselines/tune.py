@@ -11,6 +11,7 @@ profiles keep the paper's amplitudes.
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import BASELINES, TUNED, UNTUNED, build
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.profiles import PAPER_AMPLITUDES, PAPER_SCALES, PROFILES
@@ -156,9 +158,15 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     return tuned, tried
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Command line."""
     settings = tyro.cli(Tuning, description=__doc__)
+    check_writable(settings.output.parent)
     tuned, tried = run(settings)
     write_json(settings.output, tuned)
     if settings.trials is not None:
         write_json(settings.trials, tried)
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

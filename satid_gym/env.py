@@ -105,7 +105,10 @@ DRAW_FAILED = (
     "no physical inertia tensor in 1000 draws: the nominal tensor is too close to the "
     "triangle inequality for this inertia_std, tilt_std or law; lower them or change the satellite"
 )
-BROKEN = "the filter's covariance is no longer positive definite; check the estimator's settings"
+BROKEN = (
+    "the filter broke down: its covariance is no longer positive definite, or its estimate not finite; "
+    "sample more often, give sensors some noise, or check the estimator's settings"
+)
 
 
 class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -294,7 +297,7 @@ where positive |
         Raises:
             ValueError: the action is not finite or has another shape; nothing has changed.
             gymnasium.error.ResetNeeded: the episode is over or was never started.
-            FloatingPointError: the filter's covariance broke.
+            FloatingPointError: the filter broke down.
         """
         action = real_action("action", action)
         if action.shape != self.action_space.shape:
@@ -308,7 +311,7 @@ where positive |
         else:
             failed = self._step_foreign(action)
         report = self._reports[0]
-        if failed:
+        if failed or not np.isfinite(self._observation).all():
             raise FloatingPointError(BROKEN)
         if self._history is not None:
             self._history.note(self._plants[0], self._beliefs[0], report)

@@ -59,9 +59,13 @@ class Flight:
         time: (T,) s.
         error: relative error of the inertia estimate.
         outside: share of the decision's samples outside the rate limit.
-        nees, information, effort, reward: of each decision.
+        nees: normalised estimation error squared, per degree of freedom.
+        information: nats that the decision gained.
+        effort: mean square of the action.
+        reward: of each decision.
         saturated: share of the wheels that were at their speed limit.
         alive: False from the decision after a termination on; error is held, outside is 1, the rest is 0.
+        step_time: s, when the inertia steps, where all episodes step together; else None.
     """
 
     time: np.ndarray

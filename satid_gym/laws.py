@@ -4,6 +4,8 @@ static    f = 0
 step      f = 0 before `time`, 1 from then on        (deployment)
 drift     f = t / time                               (fuel)
 periodic  f = sin(2 pi frequency t + phase)          (slosh)
+
+The change is a fraction of J0, or a tensor of its own.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.stats
 
 FINAL_FRACTION = 0.2  # the paper's window
+_FEW = 20  # episodes below which Student's t gives the interval
 SETTLING = 10.0  # s after a step of the inertia that consistency leaves out
 
 
@@ -50,16 +51,57 @@ def improvements(values: np.ndarray, others: np.ndarray) -> np.ndarray:
     return np.where(values < others, 1.0, np.where(values == others, 0.5, 0.0))
 
 
-def bootstrap(values: np.ndarray, statistic=np.mean, *, seed: int = 0, resamples: int = 2000) -> tuple[float, float]:
-    """95 % interval (low, high) of a statistic of independent episodes (N,), by the BCa bootstrap.
+def bootstrap(values: np.ndarray, *, trim: float = 0.0, seed: int = 0, resamples: int = 2000) -> tuple[float, float]:
+    """95 % interval (low, high) of a mean over independent episodes (N,), by the studentised bootstrap.
 
+    Where errors are skewed it covers better than percentile and BCa intervals do; `python -m tests.coverage`
+    measures it. Below 20 episodes resamples say too little of the spread, and Student's t takes their place.
     Degenerate samples, where every value is the same, give that value twice.
+
+    Args:
+        values: one number an episode.
+        trim: share that the mean leaves out at either end; 0.25 is the interquartile mean.
+        seed: of the resampling.
+        resamples: how many.
+
+    Source: Efron and Tibshirani 1993, section 12.5, with the trimmed mean's standard error of Tukey and
+    McLaughlin 1963.
     """
     values = np.asarray(values, dtype=float)
-    if len(values) < 2 or np.ptp(values) == 0.0:
-        point = float(statistic(values))
+    count = len(values)
+    if count < 2:
+        return float(values.mean()), float(values.mean())
+    point, error = map(float, _trimmed_mean(values, trim))
+    if error == 0.0:
         return point, point
-    result = scipy.stats.bootstrap(
-        (values,), statistic, n_resamples=resamples, vectorized=True, method="BCa", rng=np.random.default_rng(seed)
-    )
-    return float(result.confidence_interval.low), float(result.confidence_interval.high)
+    if count < _FEW:
+        low, high = scipy.stats.t.ppf((0.025, 0.975), count - 2 * int(trim * count) - 1)
+    else:
+        drawn = values[np.random.default_rng(seed).integers(0, count, (resamples, count))]
+        means, errors = _trimmed_mean(drawn, trim)
+        spread = errors > 0.0  # a resample of equal values has no scale of its own
+        low, high = np.quantile((means - point)[spread] / errors[spread], (0.025, 0.975))
+    return float(point - high * error), float(point - low * error)
+
+
+def proportion_interval(shares: np.ndarray) -> tuple[float, float]:
+    """95 % interval (low, high) of the mean of shares (N,) within [0, 1], as those of `improvements`.
+
+    Wilson's, which knows that 100 wins out of 100 leave room for defeats; a bootstrap does not. Ties, of 1/2, only
+    make it wide. Source: Wilson 1927.
+    """
+    count, mean, z = len(shares), float(np.mean(shares)), float(scipy.stats.norm.ppf(0.975))
+    centre = (mean + z**2 / (2 * count)) / (1 + z**2 / count)
+    half = z / (1 + z**2 / count) * float(np.sqrt(mean * (1 - mean) / count + (z / (2 * count)) ** 2))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def _trimmed_mean(values: np.ndarray, trim: float) -> tuple[np.ndarray, np.ndarray]:
+    """Trimmed mean over the last axis, and its standard error: the winsorised deviation over the share kept."""
+    count = values.shape[-1]
+    cut = int(trim * count)
+    if cut > 0:
+        values = np.sort(values, axis=-1)
+    kept = values[..., cut : count - cut]
+    winsorised = np.clip(values, kept[..., :1], kept[..., -1:]) if cut > 0 else values
+    return kept.mean(axis=-1), winsorised.std(axis=-1, ddof=1) / ((1.0 - 2.0 * trim) * np.sqrt(count))

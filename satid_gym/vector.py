@@ -222,7 +222,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             ValueError: the actions are not finite or have another shape; nothing has changed.
             gymnasium.error.ResetNeeded: an episode is over and autoreset is disabled, or nothing was reset yet.
-            FloatingPointError: a filter's covariance broke.
+            FloatingPointError: a filter broke down.
         """
         actions = real_action("actions", actions)
         if actions.shape != self._actions.shape:
@@ -241,6 +241,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._actions[:] = actions
         if self._run(_MODES[self.autoreset_mode], self._templates, np.zeros(self.num_envs, np.int8)):
             raise FloatingPointError(BROKEN if self._beliefs["broken"].any() else DRAW_FAILED)
+        if not np.isfinite(self._observations).all():
+            raise FloatingPointError(BROKEN)
         reports = self._reports
         terminations, truncations = reports["terminated"].astype(bool), reports["truncated"].astype(bool)
         infos = self._infos(reports, np.ones(self.num_envs, bool))

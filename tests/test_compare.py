@@ -154,7 +154,9 @@ def test_other_scenarios_have_files_of_their_own(tmp_path):
     code, printed = call(f"--scenario tight --satellites cubesat --modes drift --policies zero random --episodes 2 "
                          f"--output {tmp_path}")  # fmt: skip
     assert code == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["compare_tight.csv", "compare_tight.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "compare_tight.csv", "compare_tight.json", "report_data_tight.json", "report_tight.html",
+    ]  # fmt: skip
     assert "scenario tight" in printed
 
 

@@ -65,28 +65,41 @@ def test_improvements():
     np.testing.assert_array_equal(wins, [1.0, 0.5, 0.0, 1.0])
 
 
-@pytest.mark.parametrize("statistic", [np.mean, metrics.iqm])
-def test_bootstrap_of_a_normal_sample(statistic):
-    values = np.random.default_rng(1).normal(5.0, 2.0, 400)
-    low, high = metrics.bootstrap(values, statistic)
-    # the mean of 400 has std 0.1; the interquartile mean of a normal sample about 1.1 times that
+@pytest.mark.parametrize(("trim", "statistic"), [(0.0, np.mean), (0.25, metrics.iqm)])
+@pytest.mark.parametrize("count", [16, 400])
+def test_interval_of_a_normal_sample(trim, statistic, count):
+    values = np.random.default_rng(1).normal(5.0, 2.0, count)
+    low, high = metrics.bootstrap(values, trim=trim)
     assert low < statistic(values) < high
-    assert high - low == pytest.approx(2 * 1.96 * 0.1, rel=0.3)
-    assert metrics.bootstrap(values, statistic) == (low, high)
+    # the interquartile mean of a normal sample has about 1.1 times the mean's deviation
+    assert high - low == pytest.approx(2 * 1.96 * 2.0 / np.sqrt(count), rel=0.45)
+    assert metrics.bootstrap(values, trim=trim) == (low, high)
 
 
-def test_bootstrap_covers_at_its_level():
-    rng = np.random.default_rng(2)
-    hits = 0
-    for _ in range(200):
-        low, high = metrics.bootstrap(rng.exponential(1.0, 60), resamples=500)
-        hits += low <= 1.0 <= high
-    assert 0.88 <= hits / 200 <= 0.99  # 95 %, less the skewness of 60 exponentials; 4.5 sigma wide
+def test_interval_leans_to_the_side_of_the_tail():
+    values = np.random.default_rng(2).exponential(1.0, 60)
+    low, high = metrics.bootstrap(values)
+    assert high - values.mean() > 1.15 * (values.mean() - low)
 
 
-def test_bootstrap_of_one_value():
+def test_interval_of_few_episodes_is_students():
+    values = np.array([0.01, 0.02, 0.04])
+    # t of two degrees of freedom at 97.5 %: 4.302653
+    half = 4.302653 * values.std(ddof=1) / np.sqrt(3)
+    assert metrics.bootstrap(values) == pytest.approx((values.mean() - half, values.mean() + half))
+
+
+def test_interval_of_equal_values():
     assert metrics.bootstrap(np.full(10, 0.25)) == (0.25, 0.25)
     assert metrics.bootstrap(np.array([3.0])) == (3.0, 3.0)
+    assert metrics.bootstrap(np.array([0.0] * 30 + [1.0]), trim=0.25) == (0.0, 0.0)
+
+
+def test_interval_of_shares():
+    # Wilson's interval for 8 of 10, worked out by hand
+    assert metrics.proportion_interval(np.array([1.0] * 8 + [0.0] * 2)) == pytest.approx((0.4902, 0.9433), abs=1e-4)
+    low, high = metrics.proportion_interval(np.ones(100))
+    assert (low, high) == (pytest.approx(0.9630, abs=1e-4), 1.0)
 
 
 # seeds and scenarios

@@ -77,7 +77,7 @@ def test_an_observation_of_another_size_is_refused():
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda t, j: t.write_bytes(t.read_bytes()[:40]), "holds no network"),
+        (lambda t, j: t.write_bytes(t.read_bytes()[:40]), "its checksum differs"),
         (lambda t, j: j.write_text(j.read_text()[:30]), "is not JSON"),
         (lambda t, j: j.write_text(json.dumps({**json.loads(j.read_text()), "format": 99})), "format 1"),
         (lambda t, j: t.unlink(), "no such file"),

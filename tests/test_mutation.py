@@ -9,6 +9,8 @@ import pytest
 from tests.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
 from tests.mutation.mutants import find_mutants, mutate
 
+pytestmark = pytest.mark.compiled  # its trials switch the compiler off themselves
+
 SOURCE = '''
 """Text."""
 

@@ -88,7 +88,7 @@ def test_a_foreign_estimators_belief_is_shown():
 
 
 def test_a_strip_puts_values_where_they_belong():
-    canvas = Canvas(480)
+    canvas = Canvas(480, 480)
     strip = Strip(canvas=canvas, x=100.0, y=200.0, width=200.0, height=100.0, horizon=10.0, low=-1.0, high=1.0)
     strip.ground()
     strip.band(np.array([0.0, 5.0]), np.array([-0.5, -0.5]), np.array([0.5, 0.5]), SERIES[2], 0.5)
@@ -122,6 +122,17 @@ def test_strips_follow_estimate_and_truth():
     (up, still), (higher, truth) = places
     np.testing.assert_allclose(np.subtract(up, higher), 55.0 / 6.0, atol=1.01)  # 6 % fill a strip of 55
     np.testing.assert_array_equal(still, truth)
+
+
+def test_a_strip_reaches_to_the_present_estimate():
+    env = flown(5, inertia="static")
+    env._history._series["std"][:] = 0.0
+    for off in (1.01, 1.25, 0.6):
+        env._history._series["estimate"][5] = off * env._history.truth[5]
+        strips = env.render()[STRIPS]
+        for i in range(3):
+            ends = where(strips[60 * i : 60 * i + 56, 80:92], SERIES[i])
+            assert len(ends) > 0, (off, i)
 
 
 def test_momentum_stays_in_space_while_the_body_turns():

@@ -84,14 +84,29 @@ def test_the_run_folder_tells_how_it_came_about(copy):
 def test_a_folder_in_use_and_a_folder_without_a_run_are_refused(copy, tmp_path):
     with pytest.raises(ValueError, match="add --resume"):
         run(copy, 640)
-    with pytest.raises(ValueError, match="no checkpoint"):
+    with pytest.raises(ValueError, match="holds no run"):
         run(tmp_path / "none", 640, resume=True)
 
 
-@pytest.mark.parametrize("keep", [0, 100, 5000])
-def test_a_damaged_checkpoint_is_refused(copy, keep):
+@pytest.mark.parametrize("damage", ["cut", "flipped"])
+@pytest.mark.parametrize("at", [0, 100, 5000, -1])
+def test_a_damaged_checkpoint_is_put_aside_for_the_one_before(copy, finished, at, damage, capsys):
     path = copy / "checkpoint.npz"
-    path.write_bytes(path.read_bytes()[:keep])
+    content = bytearray(path.read_bytes())
+    if damage == "cut":
+        del content[at:]
+    else:
+        content[at] ^= 1
+    path.write_bytes(content)
+    resumed = run(copy, 640, resume=True)
+    assert all(torch.equal(tensor, resumed[name]) for name, tensor in finished[1].items())
+    assert "going on from the checkpoint before it" in capsys.readouterr().err
+    assert (copy / "checkpoint.damaged.npz").read_bytes() == content
+
+
+def test_two_damaged_checkpoints_are_refused(copy):
+    for name in ("checkpoint.npz", "checkpoint.previous.npz"):
+        (copy / name).write_bytes((copy / name).read_bytes()[:5000])
     with pytest.raises(ValueError, match="not a whole checkpoint"):
         run(copy, 640, resume=True)
 

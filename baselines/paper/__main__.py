@@ -18,13 +18,14 @@ from typing import Any
 
 import tyro
 
+from baselines.ending import ended
 from baselines.paper import figure_bars, figure_horizon, figure_pipeline, figure_profiles
 from baselines.paper.exceedance import ekf_exceedances
 from baselines.paper.page import page
 from baselines.paper.study import HORIZON, Run, horizon_jobs, run_all, table_jobs
 from baselines.paper.summary import cells, checks, finite
 from baselines.paper.world import MOMENTUM_SETTINGS, scenario
-from baselines.provenance import command, revision, versions, write_json, write_text
+from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
 from satid_gym.estimators import RateEKFSettings
 from satid_gym.evaluation import seeds
 
@@ -41,6 +42,7 @@ class Study:
 
 def main(study: Study) -> int:
     """Run and write; the exit status says whether the study showed what it was to show."""
+    check_writable(study.output)
     start = time.perf_counter()
     jobs = [*table_jobs(study.seeds), *horizon_jobs(study.seeds)]
     runs = run_all(jobs)
@@ -102,4 +104,4 @@ def _write_csv(path: Path, records: Sequence[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Study, description=__doc__)))
+    sys.exit(ended(lambda: main(tyro.cli(Study, description=__doc__))))

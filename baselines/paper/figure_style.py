@@ -5,6 +5,7 @@ Palette: Okabe and Ito, Color Universal Design (2008).
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import matplotlib
@@ -13,6 +14,8 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
+
+from baselines.provenance import write_bytes
 
 AXES = ("x", "y", "z")
 AXIS_COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -60,7 +63,8 @@ plt.rcParams.update(
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Write `name`.png and `name`.pdf and forget the figure; the files hold no date, so that equal runs agree."""
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
-    figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
+    for ending, undated in (("png", "Software"), ("pdf", "CreationDate")):
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format=ending, dpi=150, metadata={undated: None})
+        write_bytes(folder / f"{name}.{ending}", drawn.getvalue())
     plt.close(figure)

@@ -59,6 +59,12 @@ def cross(a, b):
 
 
 @inline
+def norm(v):
+    """Length of a 3-vector."""
+    return (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) ** 0.5
+
+
+@inline
 def multiply(s, v):
     """Symmetric matrix times vector."""
     return (

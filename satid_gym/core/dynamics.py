@@ -24,6 +24,7 @@ from satid_gym.core.algebra import (
     load,
     load_symmetric,
     multiply,
+    norm,
     store,
     subtract,
 )
@@ -31,6 +32,8 @@ from satid_gym.core.jit import inline
 from satid_gym.core.records import DRIFT, PERIODIC, STEP
 
 _AT_LIMIT = 1e-11  # relative to the speed limit
+_MOST_TURN = 0.5  # rad, that body and momentum may turn against each other in one Runge-Kutta step
+_MOST_STEPS = 10_000.0
 _MOST_EVENTS = 100  # within one advance; past it wheels at their limit stay there until its end
 _MOST_TRIALS = 60  # of the search for the moment a wheel reaches its limit
 
@@ -332,3 +335,22 @@ def advance(plant, torque, duration):
         set_speeds(plant)
         _limit_speeds(plant)
         events += 1
+
+
+@inline
+def travel(plant, torque, duration):
+    """`advance` in as many steps as the body may turn far; one in all but coarse sampling.
+
+    Body rate and nutation are at most (|M| + |A h|) tr(J^-1), J without the free wheels; the phase of a periodic
+    law of the inertia counts as well.
+    """
+    m, a = load(plant.momentum), sum_wheels(plant.axes, plant.wheel_momentum)
+    f = inverse(axpy_symmetric(-1.0, _free_wheel_inertia(plant), inertia_at(plant, plant.time)))
+    push = duration * norm(_sum_free(plant, torque))
+    turn = duration * (norm(m) + norm(a) + push) * (f[0] + f[1] + f[2])
+    if plant.law == PERIODIC:
+        turn += duration * 2.0 * np.pi * plant.law_frequency
+    steps = min(max(np.ceil(turn / _MOST_TURN), 1.0), _MOST_STEPS)
+    start = plant.time
+    for step in range(np.int64(steps)):
+        advance(plant, torque, start + (step + 1) / steps * duration - plant.time)

@@ -10,7 +10,7 @@ import numpy as np
 
 from satid_gym.core import momentum_filter, rate_filter
 from satid_gym.core.algebra import factor, mahalanobis, store_symmetric
-from satid_gym.core.dynamics import advance, inertia_at, spin_momentum
+from satid_gym.core.dynamics import inertia_at, spin_momentum, travel
 from satid_gym.core.generator import draw_plant
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.kalman import estimated_inertia
@@ -47,7 +47,7 @@ def sample(plant, task, work, report):
     dt = task.sample_period
     drive_motors(plant, work.torque, dt)
     end = (np.round(plant.time / dt) + 1.0) * dt  # so that rounding does not pile up
-    advance(plant, plant.motor_torque, end - plant.time)
+    travel(plant, plant.motor_torque, end - plant.time)
     plant.time = end
     walk_gyro_bias(plant, dt)
     read_sensors(plant)

@@ -1,4 +1,4 @@
-"""A canvas: smooth shapes and text, in units of which a frame has 480 either way."""
+"""A canvas: smooth shapes and text, in units of its own, one of which may be more or less than a pixel."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ Align = Literal["left", "centre", "right"]
 Point = np.ndarray | tuple[float, float]
 Points = np.ndarray | Sequence[Point]
 
-UNITS = 480  # width and height of a frame
 _OVERSAMPLING = 2  # shapes are drawn this much larger and averaged
 
 BACKGROUND: Colour = (13, 18, 30)
@@ -62,13 +61,14 @@ class Canvas:
     """What a frame is drawn on.
 
     Args:
-        size: width and height in pixels.
+        width, height: in units.
+        pixels_per_unit: how large a unit is.
     """
 
-    def __init__(self, size: int) -> None:
-        self._scale = _OVERSAMPLING * size / UNITS  # drawn pixels a unit
-        self._size = size
-        self._surface = pygame.Surface((_OVERSAMPLING * size, _OVERSAMPLING * size), depth=32)
+    def __init__(self, width: float, height: float, pixels_per_unit: float = 1.0) -> None:
+        self._scale = _OVERSAMPLING * pixels_per_unit
+        self._size = round(width * pixels_per_unit), round(height * pixels_per_unit)
+        self._surface = pygame.Surface((_OVERSAMPLING * self._size[0], _OVERSAMPLING * self._size[1]), depth=32)
         self._surface.fill(BACKGROUND)
 
     def _points(self, points: Points) -> list[list[float]]:
@@ -133,6 +133,6 @@ class Canvas:
         return width / self._scale
 
     def pixels(self) -> np.ndarray:
-        """The picture (size, size, 3), uint8."""
-        smooth = pygame.transform.smoothscale(self._surface, (self._size, self._size))
+        """The picture (height, width, 3), uint8."""
+        smooth = pygame.transform.smoothscale(self._surface, self._size)
         return np.ascontiguousarray(pygame.surfarray.array3d(smooth).swapaxes(0, 1))

@@ -9,7 +9,8 @@ from satid_gym.rendering.history import History
 from satid_gym.rendering.scene import Scene, stars
 from satid_gym.rendering.strip import Strip
 
-_MARGIN = 0.03  # of a moment: how far its strip reaches beyond where the truth has been
+UNITS = 480  # width and height of a frame, in which the places below are
+_MARGIN = 0.03  # of a moment: how far its strip reaches beyond where the truth has been; the present estimate fits in
 
 
 def draw(history: History, size: int) -> np.ndarray:
@@ -22,7 +23,7 @@ def draw(history: History, size: int) -> np.ndarray:
     Returns:
         (size, size, 3) uint8.
     """
-    canvas = Canvas(size)
+    canvas = Canvas(UNITS, UNITS, size / UNITS)
     _head(canvas, history)
     _scene(canvas, history)
     rate = history.rate / history.satellite.rate_limit
@@ -35,7 +36,8 @@ def draw(history: History, size: int) -> np.ndarray:
 
 
 def _head(canvas: Canvas, history: History) -> None:
-    width = canvas.text((10.0, 17.0), history.satellite.name, TEXT, 15.0)
+    name = history.satellite.name
+    width = canvas.text((10.0, 17.0), name if len(name) <= 26 else f"{name[:25]}...", TEXT, 15.0)
     canvas.text((18.0 + width, 18.0), f"{history.mode} inertia", MUTED, 11.0)
     canvas.text((470.0, 17.0), f"{history.time[-1]:.0f} of {history.horizon:.0f} s", TEXT, 13.0, "right")
     canvas.rectangle(0.0, 32.0, 480.0, 1.0, RULE)
@@ -77,7 +79,9 @@ def _inertia(canvas: Canvas, history: History) -> None:
     for i, name in enumerate(("Jxx", "Jyy", "Jzz")):
         colour, truth = series_colour(i), history.truth[:, i]
         estimate, reach = history.estimate[:, i], 3.0 * history.std[:, i]
-        low, high = truth.min() - _MARGIN * truth[0], truth.max() + _MARGIN * truth[0]
+        margin = _MARGIN * truth[0]
+        low = min(truth.min() - margin, estimate[-1] - margin / 3.0)
+        high = max(truth.max() + margin, estimate[-1] + margin / 3.0)
         y = 282.0 + 60.0 * i
         strip = Strip(canvas=canvas, x=44.0, y=y, width=350.0, height=55.0, horizon=history.horizon, low=low, high=high)
         strip.ground()

@@ -1,0 +1,133 @@
+"""Two pilots side by side in a terminal: rates, wheels, what is known of the inertia, and what it costs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from agents.pilot import Pilot
+
+AXES = ("#ff8a65", "#5ed9a5", "#6caaff")  # x, y, z, as in the rendered frames
+_BLOCKS = " ▁▂▃▄▅▆▇█"
+_RANGE = (-3.3, -0.5)  # log10 of the relative errors and standard deviations that sparklines show
+_REACH = 1.25  # limits that a bar shows
+_LABEL = 8  # characters left of a bar or sparkline
+_VALUE = 9  # and right of it
+_NARROWEST, _WIDEST = 76, 132
+
+
+def sparkline(values: Sequence[float], length: int, width: int) -> str:
+    """Values over an episode of `length` entries, on a logarithmic scale, in `width` characters.
+
+    A character stands for the largest in its share of the episode; what has not happened yet is blank.
+    """
+    edges = np.linspace(0, length, width + 1).round().astype(int)
+    line = ""
+    for low, high in itertools.pairwise(edges):
+        part = np.log10(np.maximum(values[low : max(high, low + 1)], 1e-12))
+        if len(part) == 0:
+            return line.ljust(width)
+        share = (part.max() - _RANGE[0]) / (_RANGE[1] - _RANGE[0])
+        line += _BLOCKS[1 + int(np.clip(share * 8.0, 0.0, 7.0))]
+    return line
+
+
+def bar(value: float, width: int, colour: str) -> Text:
+    """A bar from the middle to `value`, in multiples of a limit; ticks at the limits, red beyond them."""
+    cells = np.linspace(-_REACH, _REACH, width)
+    ticks = {int(np.abs(cells - limit).argmin()) for limit in (-1.0, 1.0)}
+    middle = width // 2
+    tip = int(np.abs(cells - np.clip(value, -_REACH, _REACH)).argmin())
+    filled = range(min(middle, tip), max(middle, tip) + 1)
+    text = Text()
+    for i in range(width):
+        if i in filled:
+            text.append("■", "bold red" if abs(value) > 1.0 else colour)
+        else:
+            text.append("│" if i in ticks else "·" if i != middle else "┼", "red" if i in ticks else "grey37")
+    return text
+
+
+def dashboard(pilots: Sequence[Pilot], title: str, width: int) -> RenderableType:
+    """The present state of both.
+
+    Args:
+        pilots: two, at the same decision.
+        title: of the episode.
+        width: of the terminal, characters.
+    """
+    width = min(max(width, _NARROWEST), _WIDEST)
+    table = Table.grid(expand=False, padding=0)
+    for _ in pilots:
+        table.add_column(width=width // 2)
+    table.add_row(*(_panel(pilot, width // 2) for pilot in pilots))
+    return Group(_head(pilots[0], title, width), table, _verdict(pilots))
+
+
+def _head(pilot: Pilot, title: str, width: int) -> Text:
+    scenario = pilot.env.problem.scenario
+    time, horizon = pilot.info["time"], scenario.horizon
+    clock = f" {time:.0f} of {horizon:.0f} s"
+    length = max(8, width - len(title) - len(clock) - 3)
+    done = round(length * min(1.0, time / horizon))
+    return Text.assemble((f" {title} ", "bold"), ("━" * done, "cyan"), ("━" * (length - done), "grey37"), clock)
+
+
+def _panel(pilot: Pilot, width: int) -> Panel:
+    length = width - 4 - _LABEL - _VALUE
+    history, count = pilot.history, pilot.env.problem.scenario.decisions + 1
+    rows = Table.grid(padding=0)
+    rows.add_column(width=_LABEL)
+    rows.add_column(width=length)
+    rows.add_column(width=_VALUE, justify="right")
+    heading = "grey62"
+    rows.add_row("", Text("relative error", heading), "")
+    errors = sparkline(history["relative_error"], count, length)
+    rows.add_row(Text("J", "bold"), Text(errors, "bold yellow"), _percent(pilot.error, "bold yellow"))
+    rows.add_row("", Text("sigma by filter", heading), "")
+    for i, axis in enumerate(("xx", "yy", "zz")):
+        std = [entry[i] for entry in history["std"]]
+        rows.add_row(f"J{axis}", Text(sparkline(std, count, length), AXES[i]), _percent(std[-1], AXES[i]))
+    for name, title, label in (("rate", "body rate / limit", "axis"), ("wheel_speed", "speed / limit", "wheel")):
+        rows.add_row("", Text(title, heading), "")
+        for i, value in enumerate(history[name][-1]):
+            number = Text(f"{value:+.2f}", "bold red" if abs(value) > 1.0 else "")
+            rows.add_row(f"{label} {'xyz'[i] if name == 'rate' else i + 1}", bar(value, length, AXES[i % 3]), number)
+    information = Text(f"gained {history['information'][-1]:.0f} nats")
+    outside = Text(f"outside {100 * pilot.outside:.1f} %", "bold red" if pilot.history["cost"][-1] > 0.0 else "")
+    foot = Table.grid(expand=True)
+    foot.add_column()
+    foot.add_column(justify="right")
+    foot.add_row(information, outside)
+    state = " ended: far outside the rate limits " if pilot.terminated else f" {pilot.policy.kind.replace('_', ' ')} "
+    return Panel(
+        Group(rows, foot), title=Text(f" {pilot.name} ", "bold cyan"), subtitle=state, box=box.ROUNDED, width=width,
+        border_style="red" if pilot.terminated else "grey50",
+    )  # fmt: skip
+
+
+def _percent(share: float, style: str) -> Text:
+    digits = 2 if share < 0.1 else 1
+    return Text(f"{100 * share:.{digits}f} %", style)
+
+
+def _verdict(pilots: Sequence[Pilot]) -> Text:
+    return Text(f" {verdict(pilots)}", "bold", no_wrap=True, overflow="ellipsis")
+
+
+def verdict(pilots: Sequence[Pilot]) -> str:
+    """Who knows its inertia better, in a line."""
+    best = min(pilot.mean_error for pilot in pilots)
+    parts = [
+        f"{pilot.name} {100 * pilot.mean_error:.2f} %"
+        + (f" ({pilot.mean_error / best:.1f} times larger)" if pilot.mean_error > best else "")
+        for pilot in pilots
+    ]
+    return f"mean error: {', '.join(parts)}"

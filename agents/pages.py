@@ -1,0 +1,149 @@
+"""Write the tables of docs/ from the code: `python -m agents.pages`.
+
+Names and values come from the objects, meanings from the `Attributes` of their docstrings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import docstring_parser
+import numpy as np
+
+from agents.readme import ROOT, between
+from baselines import BASELINES, build, tuned_entry
+from baselines.provenance import write_text
+from baselines.registry import UNTUNED
+from satid_gym.config import Config
+from satid_gym.estimators.settings import MomentumEKFSettings, RateEKFSettings
+from satid_gym.laws import PAPER_LAWS, LawRanges
+from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario import SCENARIOS, Scenario
+
+SOURCE = "agents.pages"
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def meanings(cls: type) -> dict[str, str]:
+    """What the class docstring says of each attribute."""
+    parsed = docstring_parser.parse(cls.__doc__ or "", docstring_parser.DocstringStyle.GOOGLE)
+    return {p.arg_name: " ".join((p.description or "").split()).removesuffix(".") for p in parsed.params}
+
+
+def shown(value: Any) -> str:
+    """A setting's value for a table."""
+    if value is None:
+        return "the satellite's"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, tuple | list):
+        return " to ".join(shown(v) for v in value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k}: {v:g}" for k, v in value.items()) or "1"
+    return str(value)
+
+
+def satellites() -> str:
+    """Every satellite, quantity by quantity."""
+    quantities: list[tuple[str, Callable[[Satellite], Any]]] = [
+        ("mass, kg", lambda s: s.mass),
+        ("size, m", lambda s: s.size),
+        ("nominal principal moments, kg m^2", lambda s: np.diag(s.inertia)),
+        ("wheels", lambda s: s.wheels.count),
+        ("wheel torque limit, N m", lambda s: s.wheels.max_torque[0]),
+        ("wheel speed limit, rad/s", lambda s: s.wheels.max_speed[0]),
+        ("wheel spin inertia, kg m^2", lambda s: s.wheels.inertia[0]),
+        ("body rate limit, rad/s", lambda s: s.rate_limit),
+        ("gyro noise per sample, rad/s", lambda s: s.gyro_noise_std),
+        ("tachometer noise per sample, rad/s", lambda s: s.tachometer_noise_std),
+        ("disturbance, standard deviation about each axis, N m", lambda s: s.disturbance_std),
+    ]
+    rows = [[name, *(_numbers(of(s)) for s in SATELLITES.values())] for name, of in quantities]
+    return markdown(["", *SATELLITES], rows)
+
+
+def _numbers(value: Any) -> str:
+    return " ".join(f"{v:g}" for v in np.atleast_1d(value))
+
+
+def scenarios() -> str:
+    """Every setting of every scenario; a blank is the default's value."""
+    said, default = meanings(Scenario), SCENARIOS["default"]
+    rows = []
+    for field in dataclasses.fields(Scenario):
+        if field.name in ("name", "laws"):
+            continue
+        values = [getattr(s, field.name) for s in SCENARIOS.values()]
+        cells = [
+            shown(v) if s is default or v != values[0] else "" for v, s in zip(values, SCENARIOS.values(), strict=True)
+        ]
+        rows.append([f"`{field.name}`", *cells, said[field.name]])
+    return markdown(["setting", *SCENARIOS, "meaning"], rows)
+
+
+def laws() -> str:
+    """Ranges of the inertia laws: randomised, and the paper's."""
+    said, drawn = meanings(LawRanges), LawRanges()
+    rows = [
+        [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
+        for name in _names(LawRanges)
+    ]
+    return markdown(["range", "default, tight", "paper, benchmark", "meaning"], rows)
+
+
+def settings(cls: type[Config]) -> str:
+    """Fields of a settings class with their defaults."""
+    said, default = meanings(cls), cls()
+    rows = [[f"`{name}`", _default(getattr(default, name)), said[name]] for name in _names(cls)]
+    return markdown(["setting", "default", "meaning"], rows)
+
+
+def _default(value: Any) -> str:
+    return "`None`" if value is None else shown(value)
+
+
+def _names(cls: type) -> list[str]:
+    return [field.name for field in dataclasses.fields(cls)]
+
+
+def baselines() -> str:
+    """Every baseline, its kind, and its settings in the default scenario."""
+    rows = []
+    for name in BASELINES:
+        tuned = {} if name in UNTUNED else {s: tuned_entry(name, s)["settings"] for s in SATELLITES}
+        kind = build(name, next(iter(tuned.values()), {})).kind.replace("_", " ")
+        cells = [", ".join(f"{k} {v:g}" for k, v in tuned.get(s, {}).items()) for s in SATELLITES]
+        rows.append([f"`{name}`", kind, *cells])
+    return markdown(["name", "kind", *SATELLITES], rows)
+
+
+PAGES: dict[str, dict[str, Callable[[], str]]] = {
+    "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws},
+    "estimators.md": {
+        "momentum": lambda: settings(MomentumEKFSettings),
+        "rate": lambda: settings(RateEKFSettings),
+    },
+    "baselines.md": {"baselines": baselines},
+}
+
+
+def written(page: str, text: str) -> str:
+    """A page with its tables made anew."""
+    for name, table in PAGES[page].items():
+        text = between(text, name, table(), SOURCE)
+    return text
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        file = ROOT / "docs" / page
+        write_text(file, written(page, file.read_text()))

@@ -1,0 +1,156 @@
+"""A policy at the controls of one environment of its own, and what it has done so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from agents.policies import find, names
+from baselines import BASELINES, make_baseline
+from satid_gym.config import check_number, unknown_name
+from satid_gym.env import SatInertiaIDEnv
+from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.policy import Policy, missions
+from satid_gym.satellite import SATELLITES
+from satid_gym.scenario import SCENARIOS, Scenario
+
+
+class Pilot:
+    """Flies one episode, decision by decision.
+
+    Args:
+        policy: what decides.
+        env: its own, with one satellite; it is reset here.
+        seed: of the episode: pilots with the same seed and settings meet the same truth and noise.
+
+    Attributes:
+        info: of the last decision.
+        over: whether the episode has ended.
+        terminated: whether it ended early, far outside the rate limits.
+        history: by name, one entry at the start and one a decision: relative_error; rate and wheel_speed
+            over their limits, as measured; std, the filter's standard deviation of each moment, relative to
+            its prior; cost; information, gained since the start.
+    """
+
+    def __init__(self, policy: Policy, env: SatInertiaIDEnv, seed: int) -> None:
+        self.policy, self.env = policy, env
+        (mission,) = missions(env.problem)
+        policy.reset(mission, [seed])
+        self._observation, self.info = env.reset(seed=seed)
+        self.over = self.terminated = False
+        self.history: dict[str, list] = {
+            name: [] for name in ("relative_error", "rate", "wheel_speed", "std", "cost", "information")
+        }
+        self._note()
+
+    def step(self) -> None:
+        """Take a decision; nothing happens once the episode is over."""
+        if self.over:
+            return
+        action = self.policy(self._observation[None])[0]
+        self._observation, _, self.terminated, truncated, self.info = self.env.step(action)
+        self.over = self.terminated or truncated
+        self._note()
+
+    def _note(self) -> None:
+        places, before = self.env.layout, self.history["information"]
+        self.history["relative_error"].append(self.info["relative_error"])
+        for name in ("rate", "wheel_speed"):
+            self.history[name].append(self._observation[places[name]].copy())
+        self.history["std"].append(10.0 ** (self._observation[places["uncertainty"]][:3].astype(float) - 2.0))
+        self.history["cost"].append(self.info["cost"])
+        before.append((before[-1] if before else 0.0) + self.info["information_gain"])
+
+    @property
+    def name(self) -> str:
+        """The policy's."""
+        return self.policy.name
+
+    @property
+    def error(self) -> float:
+        """Relative error of the inertia now."""
+        return float(self.info["relative_error"])
+
+    @property
+    def mean_error(self) -> float:
+        """Its mean over the episode so far, leaving out the start."""
+        return float(np.mean(self.history["relative_error"][1:] or [self.error]))
+
+    @property
+    def outside(self) -> float:
+        """Share of the time so far with a rate outside its limit."""
+        return float(np.mean(self.history["cost"][1:] or [0.0]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pairing:
+    """Which two policies fly which episode; truth and noise are the same for both."""
+
+    policy: tyro.conf.Positional[str]
+    """A shipped policy's name, the path of a learned one, or a baseline."""
+    beside: Annotated[str, tyro.conf.arg(aliases=("--profile",))] = "multi_step"
+    """The same, to fly beside it."""
+    satellite: str = "microsat"
+    """Satellite to fly."""
+    inertia: str = "step"
+    """How its inertia varies: static, step, drift, periodic or random."""
+    scenario: str = "default"
+    """The world: default, tight or paper."""
+    horizon: float = 300.0
+    """Length of the episode, s."""
+    seed: int = FIRST_SEED["validation"]
+    """Seed of the episode."""
+
+    def world(self) -> Scenario:
+        """The scenario to fly in.
+
+        Raises:
+            ValueError: a name is unknown or the horizon or the seed is not valid.
+        """
+        for kind, given, valid in (
+            ("satellite", self.satellite, SATELLITES),
+            ("inertia mode", self.inertia, ("random", *INERTIA_MODES)),
+            ("scenario", self.scenario, SCENARIOS),
+        ):
+            if given not in valid:
+                raise unknown_name(kind, given, valid)
+        check_number("seed", self.seed)
+        return benchmark_scenario(self.scenario).replace(horizon=self.horizon)
+
+    def pilots(self, render_mode: str | None = None, render_size: int = 480) -> tuple[Pilot, Pilot]:
+        """Both at the start of the episode.
+
+        Raises:
+            ValueError: a name is unknown, a baseline is not tuned for this satellite and scenario, or a
+                learned policy was trained for another observation.
+        """
+        world = self.world()
+        first, second = (
+            Pilot(
+                by_name(name, self.satellite, self.scenario),
+                SatInertiaIDEnv(self.satellite, self.inertia, world, render_mode=render_mode, render_size=render_size),
+                self.seed,
+            )
+            for name in (self.policy, self.beside)
+        )
+        return first, second
+
+
+def by_name(name: str, satellite: str, scenario: str) -> Policy:
+    """A baseline as tuned for a satellite, or a learned policy by name or path.
+
+    Raises:
+        ValueError: there is none, or it is not tuned for the satellite and scenario.
+    """
+    if name in BASELINES:
+        return make_baseline(name, satellite, scenario)
+    try:
+        return find(name)
+    except ValueError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise unknown_name("policy (no such file either)", name, [*names(), *BASELINES]) from error
+        raise

@@ -1,0 +1,56 @@
+// The page comes together.
+
+function fillSelectors() {
+  const fill = (id, values, text) => byId(id).replaceChildren(...values.map((v) => make("option", { value: v }, text(v))));
+  fill("satellite", data.satellites, String);
+  fill("mode", data.modes.length > 1 ? [...data.modes, "all"] : data.modes, (mode) => INERTIA[mode] ?? mode);
+  for (const id of ["satellite", "mode"]) {
+    byId(id).value = chosen[id];
+    byId(id).addEventListener("change", () => {
+      chosen[id] = byId(id).value;
+      announce();
+    });
+  }
+}
+
+function showProvenance() {
+  const { command, revision, seeds, settings, versions } = data.provenance;
+  const versionsText = Object.entries(versions).map(([name, version]) => `${name} ${version}`).join(", ");
+  const entries = {
+    command: make("code", {}, command),
+    revision: make("code", {}, revision),
+    seeds:
+      `${seeds.split} seeds ${seeds.first} to ${seeds.first + seeds.count - 1}` +
+      (seeds.split === "test" ? ", which neither tuning nor training has seen" : ""),
+    scenario: settings.scenario,
+    versions: versionsText,
+  };
+  byId("provenance").replaceChildren(
+    ...Object.entries(entries).flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]),
+  );
+  const scenario = settings.scenario === "default" ? "" : ` --scenario ${settings.scenario}`;
+  byId("rebuild").textContent = `python -m agents.report --results ${settings.output}${scenario}`;
+}
+
+function showAll() {
+  colours.clear();
+  announce();
+  showHeatmap();
+  showEpisode();
+  showFlight();
+}
+
+fillSelectors();
+showProvenance();
+describeEpisode();
+makeViews();
+showLegend();
+showAll();
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", showAll);
+
+let width = innerWidth;
+addEventListener("resize", () => {
+  if (innerWidth === width) return; // a phone's address bar comes and goes
+  width = innerWidth;
+  showTradeOffs(); // labels find their places anew
+});

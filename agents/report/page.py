@@ -1,0 +1,109 @@
+"""The page: results and curves put into a template, with style, scripts and plotly inside, so that it needs nothing.
+
+Files are read from `assets/`. The page asks for nothing from any network, and its content policy forbids it to.
+"""
+
+from __future__ import annotations
+
+import json
+import string
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from agents.report.leaderboard import ALL_MODES, leaderboard
+from baselines.provenance import read_json, write_text
+
+ASSETS = Path(__file__).parent / "assets"
+SCRIPTS = ("page.js", "leaderboard.js", "charts.js", "heatmap.js", "episode.js", "flight.js", "main.js")
+_SAME_RUN = ("command", "revision", "seeds", "settings")
+_FIRST_SHOWN = ("mpc", "rate_square")  # beside the learned and the best scripted
+
+
+def file_names(scenario: str) -> dict[str, str]:
+    """Names of a scenario's files: `results`, `curves` and `page`."""
+    end = "" if scenario == "default" else f"_{scenario}"
+    return {"results": f"compare{end}.json", "curves": f"report_data{end}.json", "page": f"report{end}.html"}
+
+
+def write_report(results: Mapping[str, Any], curves: Mapping[str, Any], folder: Path) -> Path:
+    """Write what the page is made of beyond compare.json, and the page; the page's path."""
+    names = file_names(results["settings"]["scenario"])
+    made = {name: results[name] for name in _SAME_RUN}
+    write_text(folder / names["curves"], json.dumps({**made, **curves}, allow_nan=False, separators=(",", ":")))
+    write_text(folder / names["page"], page(results, curves))
+    return folder / names["page"]
+
+
+def rebuild(folder: Path, scenario: str) -> Path:
+    """Make the page again from the files of a comparison; its path.
+
+    Raises:
+        FileNotFoundError: a file is missing.
+        ValueError: the files come from different comparisons.
+    """
+    names = file_names(scenario)
+    for name in ("results", "curves"):
+        if not (folder / names[name]).is_file():
+            raise FileNotFoundError(
+                f"{folder / names[name]} is missing: run python -m agents.compare --scenario {scenario} "
+                f"--output {folder} first"
+            )
+    results, curves = (
+        read_json(folder / names[name], "run python -m agents.compare") for name in ("results", "curves")
+    )
+    differ = [name for name in _SAME_RUN if results[name] != curves[name]]
+    if differ:
+        raise ValueError(
+            f"{names['results']} and {names['curves']} come from different comparisons (not the same {differ[0]}): "
+            "run python -m agents.compare again"
+        )
+    write_text(folder / names["page"], page(results, curves))
+    return folder / names["page"]
+
+
+def page(results: Mapping[str, Any], curves: Mapping[str, Any]) -> str:
+    """The page as HTML."""
+    plotly = (ASSETS / "plotly-basic.min.js").read_text(encoding="utf-8")
+    licence = (ASSETS / "plotly-LICENSE").read_text(encoding="utf-8")
+    template = string.Template((ASSETS / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        style=(ASSETS / "page.css").read_text(encoding="utf-8"),
+        plotly=f"/* plotly.js\n{licence}*/\n{plotly}",
+        script="\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS),
+        data=json.dumps(page_data(results, curves), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+    )
+
+
+def page_data(results: Mapping[str, Any], curves: Mapping[str, Any]) -> dict[str, Any]:
+    """What the page's scripts read."""
+    satellites, modes = results["settings"]["satellites"], results["settings"]["modes"]
+    policies = dict.fromkeys((r["policy"], r["kind"]) for r in results["records"])
+    return {
+        "provenance": {name: results[name] for name in ("command", "revision", "seeds", "versions", "settings")},
+        "satellites": satellites,
+        "modes": modes,
+        "policies": [{"name": name, "kind": kind} for name, kind in policies],
+        "shown": first_shown(results),
+        "cells": {
+            satellite: {mode: leaderboard(results, satellite, mode) for mode in (*modes, ALL_MODES)}
+            for satellite in satellites
+        },
+        "time": curves["time"],
+        "curves": curves["curves"],
+        "bounds": curves["bounds"],
+        "episode": curves["episode"],
+    }
+
+
+def first_shown(results: Mapping[str, Any]) -> list[str]:
+    """Policies that the charts show before anything is switched: few enough to be told apart."""
+    totals: dict[str, float] = {}
+    for r in results["records"]:
+        totals[r["policy"]] = totals.get(r["policy"], 0.0) + r["final_error_mean"]
+    kinds = {r["policy"]: r["kind"] for r in results["records"]}
+    scripted = [policy for policy, kind in kinds.items() if kind == "scripted"]
+    best = [min(scripted, key=lambda policy: totals[policy])] if scripted else []
+    learned = [policy for policy, kind in kinds.items() if kind == "learned"]
+    chosen = [*learned, *(policy for policy in _FIRST_SHOWN if policy in kinds), *best]
+    return chosen or sorted(totals, key=lambda policy: totals[policy])[:4]

@@ -1,0 +1,65 @@
+"""Writes the reference of all commands while the site is built: every module that reads options, and the options.
+
+Modules are read, not imported.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import griffe
+
+ROOT = Path(__file__).parents[2]
+PAGE = "api/commands.md"
+_OPTIONS = re.compile(r"tyro\.cli\((\w+)")
+_PARSER = re.compile(r"ArgumentParser\(|^if __name__ ==", flags=re.MULTILINE)
+
+
+def on_page_markdown(markdown: str, page, **_: object) -> str:
+    """Called by mkdocs for every page."""
+    if page.file.src_uri != PAGE:
+        return markdown
+    return "\n\n".join(
+        [markdown, *(section for package in ("agents", "baselines", "satid_gym") for section in of(package))]
+    )
+
+
+def of(package: str) -> Iterator[str]:
+    """A section for each command of a package."""
+    tree = griffe.load(package, search_paths=[ROOT], resolve_aliases=True, allow_inspection=False)
+    for file in sorted((ROOT / package).rglob("*.py")):
+        source = file.read_text(encoding="utf-8")
+        found = _OPTIONS.search(source)
+        if not found and not _PARSER.search(source):
+            continue
+        name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+        module = tree[name.removeprefix(f"{package}.")]
+        rows = list(_rows(module, module[found[1]])) if found else []
+        table = ["| option | default | what |", "|---|---|---|", *rows] if rows else []
+        yield "\n".join([f"## {name.removesuffix('.__main__')}", "", module.docstring.value, "", *table])
+
+
+def _rows(module: griffe.Module, options: griffe.Class, changed: Mapping[str, str] | None = None) -> Iterator[str]:
+    """A row for each field; `changed` are defaults that the command gives to fields of another class."""
+    for field in options.attributes.values():
+        if "property" in field.labels:
+            continue
+        if not field.docstring and field.annotation:  # its fields stand among the options themselves
+            nested = next(name for name in re.findall(r"[A-Z]\w+", str(field.annotation)) if name != "Annotated")
+            target = module[nested].final_target if module[nested].is_alias else module[nested]
+            yield from _rows(module, target, dict(re.findall(r"(\w+)=('[^']*'|[\d.]+)", str(field.value))))
+        elif field.docstring:
+            flag = field.name if "Positional" in str(field.annotation) else f"--{field.name.replace('_', '-')}"
+            value = (changed or {}).get(field.name, field.value)
+            if str(value).startswith("field("):  # settings with fields of their own
+                flag += ".FIELD"
+            yield f"| `{flag}` | {_default(value)} | {' '.join(field.docstring.value.split())} |"
+
+
+def _default(value: object) -> str:
+    if value is None:
+        return "required"
+    plain = re.sub(r"^(?:Path\(|field\(default_factory=)(.*)\)$", r"\1", str(value)).strip("'")
+    return f"`{plain}`"

@@ -1,0 +1,248 @@
+"""The pages: their code runs, their commands parse, their tables are those of the code."""
+
+import argparse
+import importlib.util
+import inspect
+import itertools
+import json
+import re
+import runpy
+import shlex
+import sys
+import tomllib
+import warnings
+
+import pytest
+import tyro
+
+from agents import pages
+from agents.readme import ROOT
+from agents.settings import TrainSettings
+from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym.core.observation import layout
+from satid_gym.env import INFO_KEYS, RESET_OPTIONS
+
+PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
+PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
+
+
+def blocks(text, language):
+    """Fenced blocks of one language, "" for those without."""
+    return [
+        body for kind, body in re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.DOTALL | re.M) if kind == language
+    ]
+
+
+def commands(text):
+    """Command lines of the blocks, and of inline code what has options and none left out."""
+    lines = [line for language in ("", "bash", "sh") for block in blocks(text, language) for line in block.splitlines()]
+    inline = (
+        " ".join(code.split())
+        for code in re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.M))
+    )
+    named = [code for code in inline if re.match(r"(python -m|make) \S", code) and "..." not in code]
+    return [words for words in (shlex.split(line, comments=True) for line in [*lines, *named]) if words]
+
+
+COMMANDS = sorted({shlex.join(words) for text in PAGES.values() for words in commands(text)})
+
+
+# code
+
+
+@pytest.mark.parametrize("page", [page for page, text in PAGES.items() if blocks(text, "python")])
+def test_code_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    namespace = {}
+    for block in blocks(PAGES[page], "python"):
+        if page == "README.md":  # each of its blocks is there to be copied alone
+            namespace = {}
+        exec(compile(block, page, "exec"), namespace)
+
+
+def example(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return runpy.run_path(str(ROOT / "examples" / name), run_name="__main__")
+
+
+def test_first_steps():
+    left = example("01_first_steps.py")
+    assert left["truncated"]
+    assert left["info"]["relative_error"] < 0.01
+
+
+def test_a_policy_trained_in_seconds_beats_scripted_ones():
+    errors = example("02_train_your_own_policy.py")["errors"]
+    assert errors["mine"] < min(errors["sine"], errors["staggered_square"])
+
+
+def test_own_satellite_and_estimator():
+    errors = example("03_bring_your_own_satellite_and_estimator.py")["errors"]
+    assert len(errors) == 2
+    assert max(errors.values()) < 0.01
+
+
+def test_every_example_is_shown_and_tested():
+    files = [path.name for path in sorted((ROOT / "examples").glob("*.py"))]
+    tested = inspect.getsource(sys.modules[__name__])
+    for file in files:
+        assert f'--8<-- "examples/{file}"' in PAGES["examples.md"]
+        assert f'example("{file}")' in tested
+
+
+# commands
+
+
+class ParsedError(Exception):
+    """Raised in place of running a command whose options were understood."""
+
+
+def parse(module, arguments, monkeypatch):
+    """Run a module as a command up to where its options are read."""
+
+    def reading(original):
+        def read(*args, **settings):
+            original(*args, **settings)
+            raise ParsedError
+
+        return read
+
+    monkeypatch.setattr(sys, "argv", [module, *arguments])
+    monkeypatch.setattr(tyro, "cli", reading(tyro.cli))
+    if module.startswith("satid_gym"):  # the library does without tyro
+        monkeypatch.setattr(argparse.ArgumentParser, "parse_args", reading(argparse.ArgumentParser.parse_args))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # runpy's, of modules that were imported before
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+def has_options(module):
+    spec = importlib.util.find_spec(module)
+    if spec.submodule_search_locations:
+        spec = importlib.util.find_spec(f"{module}.__main__")
+    return re.search(r"tyro\.cli\(|ArgumentParser\(", (ROOT / spec.origin).read_text()) is not None
+
+
+def extras(requirement):
+    return re.findall(r"[\w-]+", requirement.partition("[")[2])
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_command_exists(command, tmp_path, monkeypatch):
+    words = shlex.split(command)
+    if words[0].startswith("PYTHONPATH="):
+        words = words[1:]
+    program, *rest = words
+    if program == "make":
+        (target,) = rest
+        assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), flags=re.M)
+    elif rest[:1] == ["install"] or rest[:3] == ["-m", "pip", "install"]:
+        known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        assert set(itertools.chain.from_iterable(map(extras, rest))) <= set(known)
+    elif program == "source":
+        assert rest == [".venv/bin/activate"]
+    elif program == "python" and rest[0] != "-m":
+        assert (ROOT / rest[0]).is_file()
+    else:
+        assert program == "python", f"{command}: no check for {program}; add one to this test"
+        module, arguments = rest[1], rest[2:]
+        assert importlib.util.find_spec(module), f"there is no module {module}"
+        if not has_options(module):
+            assert not arguments, f"{module} takes no options"
+        elif arguments:
+            monkeypatch.chdir(tmp_path)
+            if "--resume" in arguments:
+                run = tmp_path / arguments[arguments.index("--run") + 1]
+                run.mkdir(parents=True)
+                (run / "run.json").write_text(json.dumps({"settings": TrainSettings().to_dict()}))
+            with pytest.raises(ParsedError):
+                parse(module, arguments, monkeypatch)
+
+
+def test_a_wrong_option_would_be_noticed(monkeypatch):
+    with pytest.raises(SystemExit):
+        parse("agents.compare", ["--episode", "3"], monkeypatch)
+    with pytest.raises(SystemExit):
+        parse("satid_gym.benchmark", ["--outputs", "x"], monkeypatch)
+
+
+# tables
+
+
+@pytest.mark.parametrize("page", pages.PAGES)
+def test_tables_are_those_of_the_code(page):
+    assert pages.written(page, PAGES[page]) == PAGES[page], "run python -m agents.pages"
+
+
+def table(page, heading):
+    """Rows below a heading, as lists of cells without code marks; head and rule left out."""
+    section = re.split(rf"^## {heading}\n", PAGES[page], flags=re.M)[1]
+    section = re.split(r"^## ", section, flags=re.M)[0]
+    rows = [line for line in section.splitlines() if line.startswith("|")]
+    return [[cell.strip().replace("`", "") for cell in row.strip("|").split("|")] for row in rows if "---" not in row]
+
+
+@pytest.mark.parametrize(("n", "p"), [(3, 3), (4, 6)])
+def test_observation_table_is_the_layout(n, p):
+    sizes = {"n": n, "p": p, "3 p": 3 * p, "3": 3, "1": 1}
+    rows = table("environment.md", "Observation")[1:]
+    places = layout(n, p)
+    assert [(name, sizes[size]) for name, size, _ in rows] == [(k, v.stop - v.start) for k, v in places.items()]
+    assert places["time_left"].stop == 16 + 2 * n + 5 * p
+
+
+def test_docstring_has_the_same_observation_info_and_arguments():
+    said = inspect.getdoc(SatInertiaIDEnv)
+    assert re.findall(r"^\| (\w+) \| [\dnp ]+ \|", said, flags=re.M)[:11] == list(layout(3, 3))
+    information = said.partition("## Information")[2].partition("## Arguments")[0]
+    keys = re.findall(r"^\| ([\w, ]+) \|", information, flags=re.M)[1:]
+    assert ", ".join(keys).split(", ") == list(INFO_KEYS)
+    arguments = said.partition("## Arguments")[2].partition("## Version")[0]
+    for name in (*inspect.signature(SatInertiaIDEnv).parameters, *RESET_OPTIONS):
+        assert name in arguments or name == "render_mode"
+
+
+def test_info_table_is_what_info_holds():
+    _, info = SatInertiaIDEnv().reset(seed=0)
+    assert [row[0] for row in table("environment.md", "Info")[1:]] == list(INFO_KEYS) == list(info)
+
+
+def test_reward_table_has_the_defaults():
+    given = {row[1]: float(row[2]) for row in table("environment.md", "Reward")[1:]}
+    defaults = RewardSettings().to_dict()
+    assert given == {name: defaults[name] for name in given}
+    assert set(defaults) - set(given) == {"criterion", "net", "envelope_margin"}
+    assert f"`envelope_margin` ({defaults['envelope_margin']})" in PAGES["environment.md"]
+
+
+def test_argument_tables_are_the_signatures():
+    rows = [row[0] for row in table("environment.md", "Arguments")]
+    single = list(inspect.signature(SatInertiaIDEnv).parameters)
+    vector = [name for name in inspect.signature(SatInertiaIDVectorEnv).parameters if name not in single]
+    assert [name for name in rows if name not in ("argument", "option")] == [
+        *single, *vector, *RESET_OPTIONS, "reset_mask"
+    ]  # fmt: skip
+
+
+# the site's own tools
+
+
+def tool(name):
+    return runpy.run_path(str(ROOT / "docs" / "site" / name))
+
+
+def test_reference_of_commands_has_their_options():
+    sections = {text.split("\n")[0]: text for text in tool("commands.py")["of"]("agents")}
+    assert "| `policy` | required |" in sections["## agents.evaluate"]
+    assert "| `--seed-split` | `validation` |" in sections["## agents.evaluate"]
+    assert "| `--seed-split` | `test` |" in sections["## agents.compare"]
+    assert "| `--steps` | `10000000` |" in sections["## agents.train"]
+
+
+def test_formulas_become_mathml():
+    page = '<p><span class="arithmatex">\\(a &lt; b\\)</span></p><div class="arithmatex">\\[\n\\dot M = u\n\\]</div>'
+    made = tool("mathml.py")["on_page_content"](page)
+    assert made.count("<math") == 2
+    assert "arithmatex" not in made
+    assert made.count('display="block"') == 1

@@ -1,0 +1,318 @@
+"""The report page: in a real browser, from the disk, made of a real comparison."""
+
+import contextlib
+import io
+import json
+import os
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+from agents import compare
+from agents.report import __main__ as report
+from agents.report.curves import error_bands, rounded
+from agents.report.episode import episode_cell, fly_episode, protagonists
+from agents.report.leaderboard import ALL_MODES, leaderboard
+from agents.report.page import first_shown, rebuild
+from baselines import make_baseline
+from satid_gym.evaluation import benchmark_scenario, fly
+
+POLICIES = ("chirp", "rate_square", "zero", "generalist")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+ARGUMENTS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync"
+)
+
+
+def call(module, line):
+    """Exit code and standard output of a command line."""
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as output:
+        patch.setattr(sys, "argv", [module.__name__, *line.split()])
+        code = module.main()
+    return code, output.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where a small comparison has written its files."""
+    path = tmp_path_factory.mktemp("results")
+    code, printed = call(
+        compare, f"--satellites microsat --modes step --policies {' '.join(POLICIES)} --episodes 2 --output {path}"
+    )
+    assert code == 0
+    assert str(path / "report.html") in printed.replace("\n", "")
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium; where there is none a user's tests skip, and those of CI fail."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        reason = f"none of {', '.join(BROWSERS)} is installed; for these tests: apt-get install chromium"
+        (pytest.fail if os.environ.get("CI") else pytest.skip)(reason)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=ARGUMENTS.split())
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser, folder):
+    """Opens the page as a user would, and says at the end whether it complained or asked for anything."""
+    complaints, requests, contexts = [], [], []
+
+    def open_page(**options):
+        contexts.append(browser.new_context(**options))
+        page = contexts[-1].new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto((folder / "report.html").as_uri())
+        page.wait_for_selector("#episode-charts .main-svg")
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+    assert requests == [(folder / "report.html").as_uri()] * len(contexts)
+
+
+# in the browser
+
+
+def clock(page):
+    """Seconds into the episode that the page shows."""
+    return float(page.locator("#clock").inner_text().split()[0])
+
+
+def wait_until(page, condition, seconds=20.0):
+    """Playwright's own waiting evaluates strings, which the page's content policy forbids."""
+    for _ in range(int(seconds / 0.05)):
+        if condition():
+            return
+        page.wait_for_timeout(50)
+    pytest.fail(f"still not so after {seconds:g} s")
+
+
+def test_it_opens_from_the_disk_with_all_sections_filled(opened, folder):
+    assert (folder / "report.html").stat().st_size < 5_000_000
+    page = opened(viewport={"width": 1280, "height": 900})
+    for chart in ("#time-panels", "#effort-chart", "#outside-chart"):
+        assert page.locator(f"{chart} .scatterlayer .trace").count() >= 4
+    assert page.locator("#episode-charts .js-plotly-plot").count() == 8
+    assert page.locator("#views canvas").count() == 2
+    assert page.locator("#heatmap tbody tr").count() == len(POLICIES) + 2
+    made = page.locator("#made").inner_text()
+    results = json.loads((folder / "compare.json").read_text())
+    for fact in (
+        results["command"],
+        results["revision"],
+        "test seeds 3000000000 to 3000000001",
+        f"numpy {np.__version__}",
+    ):
+        assert fact in made
+
+
+def test_its_figures_are_those_of_the_results(opened, folder):
+    page = opened()
+    records = json.loads((folder / "compare.json").read_text())["records"]
+    for r in records:
+        row = page.locator(
+            "#leaderboard-table tbody tr", has=page.get_by_role("rowheader", name=r["policy"], exact=True)
+        )
+        shown = row.locator("td").first.inner_text().replace("[", "").replace("]", "").split()
+        expected = [100 * r[f"final_error_{end}"] for end in ("mean", "lo", "hi")]
+        assert [float(x) for x in shown] == pytest.approx(expected, rel=6e-3)
+
+
+def test_the_table_sorts_by_click_and_key_and_keeps_the_bounds_last(opened):
+    page = opened()
+
+    def order():
+        names = page.locator("#leaderboard-table tbody th").all_inner_texts()
+        assert [name.strip() for name in names[-2:]] == ["bound", "ideal"]
+        return [name.strip() for name in names[:-2]]
+
+    head = page.locator("#leaderboard-table th", has=page.locator("button[data-key=policy]"))
+    assert head.get_attribute("aria-sort") == "none"
+    assert page.locator("#leaderboard-table th[aria-sort=ascending]").inner_text().startswith("final error")
+    head.locator("button").click()
+    assert head.get_attribute("aria-sort") == "ascending"
+    assert order() == sorted(POLICIES)
+    page.keyboard.press("Enter")  # the button has kept the focus
+    assert head.get_attribute("aria-sort") == "descending"
+    assert order() == sorted(POLICIES, reverse=True)
+    page.locator("button[data-key=effort]").focus()
+    page.keyboard.press("Space")
+    assert order()[0] == "zero"
+
+
+def test_policies_can_be_switched_in_the_error_chart(opened):
+    page = opened()
+
+    def drawn():
+        return page.evaluate("document.querySelector('#time-panels .chart').data.map((t) => t.name).filter(Boolean)")
+
+    assert sorted(drawn()) == ["chirp", "generalist", "rate_square"]
+    assert page.evaluate("document.querySelector('#time-panels .chart').layout.yaxis.type") == "log"
+    page.get_by_label("chirp", exact=True).uncheck()
+    page.get_by_label("bound", exact=True).check()
+    assert sorted(drawn()) == ["bound", "generalist", "rate_square"]
+
+
+def test_the_flight_plays_pauses_and_scrubs(opened):
+    page = opened()
+
+    def picture():
+        return page.evaluate("document.querySelector('#views canvas').toDataURL()")
+
+    assert clock(page) == 0.0
+    first = picture()
+    page.click("#play")
+    wait_until(page, lambda: clock(page) > 2.0)
+    page.click("#play")
+    paused, later = clock(page), picture()
+    assert later != first
+    page.wait_for_timeout(300)
+    assert clock(page) == paused
+    page.locator("#views canvas").first.focus()
+    page.keyboard.press("ArrowLeft")
+    assert picture() != later  # seen from elsewhere
+    assert clock(page) == paused
+    page.locator("#scrub").fill("150.5")
+    assert clock(page) == 150.5
+    page.locator("#views canvas").first.focus()
+    page.keyboard.press("Space")
+    wait_until(page, lambda: clock(page) > 151.0)
+    assert page.locator("#play").inner_text() == "Pause"
+
+
+def test_who_asks_for_less_motion_gets_still_pictures(opened):
+    page = opened(reduced_motion="reduce")
+    page.click("#play")
+    wait_until(page, lambda: clock(page) > 0.0)
+    assert clock(page) >= 10.0  # a second at 10 x, in one go
+    assert "one still picture a second" in page.locator("#flight-note").inner_text()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_on_a_phone_nothing_is_wider_than_the_screen(opened, scheme):
+    page = opened(viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    wide = page.evaluate(
+        "[...document.querySelectorAll('body *')].filter((e) => !e.closest('.scroll *, svg, .hidden') && "
+        "e.getBoundingClientRect().right > 390.5).map((e) => e.outerHTML.slice(0, 80))"
+    )
+    assert wide == []
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (background == "rgb(255, 255, 255)") == (scheme == "light")
+
+
+# from the disk
+
+
+def test_the_page_can_be_made_again_from_the_files_beside_it(folder):
+    page = folder / "report.html"
+    before = page.read_text()
+    page.unlink()
+    code, printed = call(report, f"--results {folder}")
+    assert (code, printed.strip()) == (0, f"{page} written")
+    assert page.read_text() == before
+
+
+def test_the_results_hold_no_bulk(folder):
+    results = json.loads((folder / "compare.json").read_text())
+    assert not {"curves", "episode"} & set(results)
+
+
+def test_missing_and_unlike_files_are_refused(folder, tmp_path, capsys):
+    assert call(report, f"--results {tmp_path}")[0] == 2
+    assert f"{tmp_path / 'compare.json'} is missing: run python -m agents.compare" in capsys.readouterr().err
+    for name in ("compare.json", "report_data.json"):
+        values = json.loads((folder / name).read_text())
+        (tmp_path / name).write_text(json.dumps(values | ({"revision": "another"} if name == "compare.json" else {})))
+    with pytest.raises(ValueError, match=r"come from different comparisons \(not the same revision\)"):
+        rebuild(tmp_path, "default")
+    assert not (tmp_path / "report.html").exists()
+
+
+# what it is made of
+
+
+def test_bands_by_hand():
+    error = np.array([np.arange(11.0), np.full(11, 0.12345)])
+    bands = error_bands(error)
+    assert bands == {"low": [1.0, 0.123], "median": [5.0, 0.123], "high": [9.0, 0.123]}
+    assert rounded(np.array([1234.56, -0.000123456]), 2) == [1200.0, -0.00012]
+
+
+def entry(policy, kind, mode, error, outside=0.0, **changed):
+    base = dict.fromkeys(("nees", "information_nats", "effort", "saturated_fraction", "terminated_fraction"), 0.0)
+    errors = {f"{name}_error_{end}": error for name in ("final", "mean") for end in ("mean", "lo", "hi")}
+    cell = {"policy": policy, "kind": kind, "satellite": "s", "inertia_mode": mode, "outside_fraction": outside}
+    return {**base, **errors, **cell, "time_to_1pct_s": 2.0, **changed}
+
+
+RESULTS = {
+    "records": [
+        entry("wild", "reference", "static", 0.001, outside=0.5),
+        entry("wild", "reference", "step", 0.001, outside=0.5),
+        entry("sine", "scripted", "static", 0.002),
+        entry("sine", "scripted", "step", 0.006, time_to_1pct_s=None),
+        entry("net", "learned", "static", 0.003, outside=0.01),
+        entry("net", "learned", "step", 0.004, outside=0.01),
+    ],
+    "bounds": [
+        {"policy": "bound", "kind": "bound", "satellite": "s", "inertia_mode": mode, "final_error": error}
+        for mode, error in (("static", 1e-4), ("step", 3e-4))
+    ],
+    "efficiencies": [],
+}
+
+
+def test_leaderboard_by_hand():
+    static = leaderboard(RESULTS, "s", "static")
+    assert [row["policy"] for row in static] == ["wild", "sine", "net", "bound"]
+    assert [row["policy"] for row in static if row["best"]] == ["sine"]  # who is outside half of the time cannot be
+    mean = leaderboard(RESULTS, "s", ALL_MODES)
+    assert [row["policy"] for row in mean if row["best"]] == ["net"]
+    by_name = {row["policy"]: row for row in mean}
+    assert by_name["sine"]["final_error_mean"] == pytest.approx(0.004)
+    assert by_name["sine"]["time_to_1pct_s"] is None
+    assert by_name["sine"]["final_error_lo"] is None
+    assert by_name["bound"]["final_error_mean"] == pytest.approx(2e-4)
+
+
+def test_who_is_shown():
+    assert first_shown(RESULTS) == ["net", "sine"]
+    step = [r for r in RESULTS["records"] if r["inertia_mode"] == "step"]
+    assert protagonists(step) == ["sine", "net"]
+    assert protagonists([r for r in step if r["kind"] == "reference"]) == ["wild"]
+    assert episode_cell(["cubesat", "microsat"], ["static", "step"]) == ("microsat", "step")
+    assert episode_cell(["smallsat"], ["drift"]) == ("smallsat", "drift")
+
+
+def test_the_episode_is_the_one_that_was_compared():
+    cell = {"satellite": "cubesat", "scenario": benchmark_scenario()}
+    policy = make_baseline("rate_square", "cubesat")
+    flight = fly(policy, inertia="drift", seeds=[7], **cell)
+    (shown,) = fly_episode([policy], mode="drift", seed=7, **cell)["flights"]
+    assert shown["time"][2::2] == flight.time.tolist()
+    np.testing.assert_allclose(shown["error"][2::2], flight.error[:, 0], rtol=1e-3)
+    np.testing.assert_allclose(np.linalg.norm(shown["attitude"], axis=0), 1.0, atol=1e-4)
+
+
+def test_a_flight_that_is_terminated_ends_there():
+    cell = {"satellite": "cubesat", "scenario": benchmark_scenario()}
+    policy = make_baseline("random", "cubesat")
+    alive = fly(policy, inertia="static", seeds=[0], **cell).alive[:, 0]
+    (shown,) = fly_episode([policy], mode="static", seed=0, **cell)["flights"]
+    assert not alive.all()
+    assert alive.sum() - 1.0 <= shown["time"][-1] <= alive.sum()
