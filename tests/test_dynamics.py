@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson, solve_ivp
 from scipy.spatial.transform import Rotation
 
-from satid_gym import SATELLITES, Disturbance, InertiaLaw, ReactionWheels, Satellite, Trajectory, paper_law, simulate
+from satid_gym import (
+    SATELLITES,
+    Disturbance,
+    InertiaLaw,
+    ReactionWheels,
+    Satellite,
+    SatInertiaIDEnv,
+    Trajectory,
+    paper_law,
+    simulate,
+)
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.plant import law_inertia
 
@@ -473,6 +483,29 @@ def test_a_step_of_the_inertia_between_held_wheels_conserves_momentum(pyramid):
     expected = np.einsum("tij,tj->ti", flight.inertia, flight.omega) + spin @ pyramid.wheels.axes.T
     np.testing.assert_allclose(flight.momentum, expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(flight.inertia[3] / flight.inertia[2], 0.8)
+
+
+@pytest.mark.parametrize("law", [SHORT_LAWS["static"], InertiaLaw("periodic", size=0.2, frequency=0.3, phase=0.4)])
+@pytest.mark.parametrize("name", ["cubesat", "skewed"])
+def test_a_coarse_sample_is_flown_in_as_many_steps_as_the_body_turns(name, law, request):
+    """Two samples of 10 s: nutation and law turn by several radians in each, which one step could not follow."""
+    satellite = SATELLITES[name] if name in SATELLITES else request.getfixturevalue(name)
+    coarse = {"decision_period": 20.0, "sample_period": 10.0, "horizon": 200.0, "torque_noise": 0.0}
+    calm = {"inertia_std": 0.0, "disturbance_scale": 0.0, "gravity_gradient": False, "solar_pressure": 0.0}
+    env = SatInertiaIDEnv(
+        satellite, law, {**coarse, **calm, "wheel_speed_range": 0.5, "initial_rate_std": 0.5, "termination_factor": 1e3}
+    )
+    env.reset(seed=1)
+    plant = env._plants[0]
+    start = {"omega0": plant["rate"].copy(), "wheel_speed0": plant["wheel_speed"].copy()}
+    action = np.array([0.02, -0.03, 0.01], np.float32)
+    env.step(action)
+    torque = action[None].astype(float) * satellite.wheels.max_torque
+    flight = simulate(
+        satellite, torque, 20.0, **start, attitude0=(0.0, 0.0, 0.0, 1.0), law=law, disturbance=NO_TORQUE, substeps=2000
+    )
+    assert plant["time"] == 20.0
+    np.testing.assert_allclose(plant["rate"], flight.omega[-1], rtol=0, atol=5e-6 * np.abs(flight.omega).max())
 
 
 # The default step, in intervals of a second
