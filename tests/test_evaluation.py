@@ -89,6 +89,27 @@ def test_interval_of_few_episodes_is_students():
     assert metrics.bootstrap(values) == pytest.approx((values.mean() - half, values.mean() + half))
 
 
+def test_interval_of_a_few_trimmed_episodes_by_hand():
+    """Five values, one cut at either end: winsorised (2, 2, 3, 7, 7), t of the two degrees of freedom that are left."""
+    values = np.array([7.0, 1.0, 100.0, 3.0, 2.0])
+    half = 4.302653 * np.std([2.0, 2.0, 3.0, 7.0, 7.0], ddof=1) / (0.5 * np.sqrt(5))
+    assert metrics.bootstrap(values, trim=0.25) == pytest.approx((4.0 - half, 4.0 + half))
+
+
+def test_twenty_episodes_are_enough_to_resample():
+    """Student's interval is symmetric about the mean; that of resamples leans to the tail."""
+    values = np.random.default_rng(2).exponential(1.0, 20)
+    for count, symmetric in ((19, True), (20, False)):
+        low, high = metrics.bootstrap(values[:count])
+        assert (low + high == pytest.approx(2.0 * values[:count].mean(), rel=1e-9)) == symmetric
+
+
+def test_resamples_of_equal_values_are_left_out():
+    low, high = metrics.bootstrap(np.array([0.0] * 29 + [1.0]))
+    assert np.isfinite([low, high]).all()
+    assert low < 1.0 / 30.0 <= high * (1.0 + 1e-9)
+
+
 def test_interval_of_equal_values():
     assert metrics.bootstrap(np.full(10, 0.25)) == (0.25, 0.25)
     assert metrics.bootstrap(np.array([3.0])) == (3.0, 3.0)

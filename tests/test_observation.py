@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from satid_gym import SATELLITES, SatInertiaIDEnv
+from satid_gym.core import kernels
 from satid_gym.core.observation import BOUND, layout
 from satid_gym.estimators import MomentumEKF, RateEKF, brief
 
@@ -48,7 +49,7 @@ def test_layout_is_contiguous_and_fills_the_space():
 def test_every_part_by_its_definition(name, parameters, new, pyramid):
     recorder = new(parameters=parameters)
     satellite = SATELLITES.get(name, pyramid)
-    env = SatInertiaIDEnv(satellite, estimator=recorder)
+    env = SatInertiaIDEnv(satellite, scenario={"decision_period": 2.0}, estimator=recorder)
     scenario, wheels = env.problem.scenario, satellite.wheels
     spin, prior = wheels.axes * wheels.inertia, brief(satellite, scenario).inertia
     moments = np.diag(prior)
@@ -57,7 +58,7 @@ def test_every_part_by_its_definition(name, parameters, new, pyramid):
     scale = np.sqrt([moments[i] * moments[j] for i, j in places])
     observation, _ = env.reset(seed=5)
     rng = np.random.default_rng(0)
-    for step in range(15):
+    for step in range(8):
         action = rng.uniform(-0.3, 0.3, wheels.count).astype(np.float32)
         observation, *_ = env.step(action)
         x, covariance = recorder.mean, recorder.covariance
@@ -79,16 +80,26 @@ def test_every_part_by_its_definition(name, parameters, new, pyramid):
             "uncertainty": np.log10(std[3 : 3 + p] / scale) + 2.0,
             "disturbance": tau / satellite.disturbance_std,
             "correlation": (covariance[:3, 3 : 3 + p] / np.outer(std[:3], std[3 : 3 + p])).ravel(),
-            "authority": np.abs(wheels.axes) @ wheels.max_torque * 1.0 / moments / satellite.rate_limit,
+            "authority": np.abs(wheels.axes) @ wheels.max_torque * 2.0 / moments / satellite.rate_limit,
             "swing": moments * satellite.rate_limit / (np.abs(spin) @ wheels.max_speed),
-            "drift": slope * 1.0 / satellite.rate_limit,
+            "drift": slope * 2.0 / satellite.rate_limit,
             "command": action,
-            "time_left": [1.0 - (step + 1) / 300],
+            "time_left": [1.0 - (step + 1) / 150],
         }
         for part, place in env.layout.items():
             value = np.clip(expected.pop(part), -BOUND, BOUND)
             np.testing.assert_allclose(observation[place], value, rtol=2e-6, atol=2e-6, err_msg=part)
         assert not expected
+
+
+def test_what_is_beyond_ten_is_cut_to_ten():
+    env = SatInertiaIDEnv()
+    env.reset(seed=0)
+    env._plants["gyro"] = np.array([1.0, -1.0, 9.9 / 100.0 * 3.0])  # the limit is 0.03 rad/s
+    observation = np.zeros(env.observation_space.shape, np.float32)
+    kernels.look(env._plants, env._beliefs, env._tasks, env._work, env._reports, observation)
+    np.testing.assert_allclose(observation[:3], [10.0, -10.0, 9.9], rtol=1e-6)
+    assert env.observation_space.contains(observation)
 
 
 @pytest.mark.parametrize("name", SATELLITES)

@@ -26,4 +26,11 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         ": _CANCELLATION = 10.0 -> _CANCELLATION = 20.0": "Joseph's second half mends rounding, and no more",
         "update: continue -> pass": "likewise, where there is next to nothing to mend",
     },
+    "core/momentum_filter": {
+        "start: moment = work.jacobian[1] -> moment = work.jacobian[0]": "what was there is not needed any more",
+        (
+            "_beyond: return rate if rate * rate > _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0 -> "
+            "return rate if rate * rate >= _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0"
+        ): "equal where both are 0 alone, and then the rate is 0",
+    },
 }
