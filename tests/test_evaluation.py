@@ -55,6 +55,13 @@ def test_consistency_leaves_out_what_follows_a_step():
     assert metrics.consistency(nees, time, 11.5) == pytest.approx(1.0)
 
 
+def test_ten_seconds_from_the_step_on_are_left_out():
+    """Step at 11 s: what counts is up to 10 s, and from 22 s on."""
+    time, nees = np.arange(1.0, 31.0), np.ones((30, 1))
+    nees[10:21], nees[21] = 100.0, 20.0
+    assert metrics.consistency(nees, time, 11.0) == pytest.approx((18.0 + 20.0) / 19.0)
+
+
 def test_interquartile_mean():
     assert metrics.iqm(np.array([-100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1000.0])) == pytest.approx(3.5)
     np.testing.assert_allclose(metrics.iqm(np.array([[0.0, 1.0, 3.0, 9.0], [4.0, 4.0, 4.0, 4.0]])), [2.0, 4.0])

