@@ -164,3 +164,10 @@ def test_a_negative_moment_is_neither_positive_nor_physical():
     assert run_tests(np.diag([1.0, 1.0, -0.5])) == (False, False)
     assert run_tests(np.diag([1.0, 1.0, 2.5])) == (True, False)
     assert run_tests(np.diag([1.0, 1.0, 1.5])) == (True, True)
+
+
+def test_a_flat_plate_is_physical():
+    """The limit of the triangle inequality, which rounding must not decide."""
+    assert run_tests(np.diag([1.0, 1.0, 2.0])) == (True, True)
+    assert run_tests(np.diag([0.3, 0.1, 0.4])) == (True, True)
+    assert run_tests(np.diag([0.3, 0.1, 0.4 * (1.0 + 1e-7)])) == (True, False)

@@ -588,6 +588,13 @@ def test_plant_flies_the_law_it_is_scored_against(law, skewed):
     np.testing.assert_allclose(law_inertia(law, skewed.inertia, flight.time), expected, rtol=1e-12)
 
 
+def test_a_static_law_has_no_use_for_its_size(microsat):
+    law, t = InertiaLaw("static", size=0.5), np.array([0.0, 3.0, 400.0])
+    np.testing.assert_array_equal(law_inertia(law, microsat.inertia, t), np.tile(microsat.inertia, (3, 1, 1)))
+    flight = simulate(microsat, np.zeros((2, 3)), 1.0, law=law, substeps=1)
+    np.testing.assert_array_equal(flight.inertia, np.tile(microsat.inertia, (3, 1, 1)))
+
+
 def test_paper_laws():
     """Section IV of the paper: step to 1.1 J0 at T/2, drift by 5 % over T, 3 % at 0.02 Hz."""
     t = np.array([0.0, 12.5, 149.0, 150.0, 300.0])

@@ -41,4 +41,25 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "resamples: int=1999) -> tuple[float, float]:"
         ): "one resample less in two thousand",
     },
+    "core/algebra": {
+        "largest_eigenvalue: for _ in range(12): -> for _ in range(11):": "Jacobi converges in half of them",
+        (
+            "is_positive_definite: return s[0] > 0.0 and s[0] * s[1] - s[3] * s[3] > 0.0 and (determinant(s) > 0.0) -> "
+            "return s[0] > 0.0 and s[0] * s[1] - s[3] * s[3] >= 0.0 and (determinant(s) > 0.0)"
+        ): "where the second minor is 0 the determinant is not positive",
+    },
+    "core/dynamics": {
+        (
+            "_hold_or_release: if _at_limit(plant, k) and (stay or side * (torque[k] - holding) >= 0.0): -> "
+            "if _at_limit(plant, k) and (stay or side * (torque[k] - holding) > 0.0):"
+        ): "a wheel in balance at its limit stays there, held or not",
+        "_until_limit: return low if low > 0.0 else high -> return low if low >= 0.0 else high": (
+            "60 trials that all end beyond the limit do not happen"
+        ),
+        "_until_limit: if abs(f) <= 0.5 * _AT_LIMIT: -> if abs(f) < 0.5 * _AT_LIMIT:": "equal to the last bit alone",
+        "_limit_speeds: beyond = False -> beyond = True": "the same speeds are written once more",
+        "_until_limit: f_low, f_high = (-_AT_LIMIT, over) -> f_low, f_high = (_AT_LIMIT, over)": (
+            "the first guess alone, which the next line but three replaces"
+        ),
+    },
 }
