@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,16 +53,18 @@ def square(satellite: Satellite, seconds: int, period: int = 6) -> np.ndarray:
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 def test_posterior_bound_is_the_information_recursion(skewed: Satellite, parameters: str, walk: float) -> None:
     satellite = skewed if parameters == "full" else SATELLITES["microsat"]
-    course = fly(satellite, 0.5 * square(satellite, 12))
+    course = fly(satellite, 0.5 * square(satellite, 5))
+    inertia = np.linspace(1.0, 1.2, course.rate.shape[1])[None, :, None, None] * course.inertia
+    free = course.momentum - course.wheel_speed @ (satellite.wheels.axes * satellite.wheels.inertia).T
+    course = replace(course, inertia=inertia, rate=np.linalg.solve(inertia, free[..., None])[..., 0])
     briefing = brief(satellite, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
     model = _MomentumModel(settings, briefing)
-    theta = np.array([course.inertia[0, 0, i, j] for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]])[
-        : model.p
-    ]
+    places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: model.p]
     spin = course.wheel_speed[0] @ model.spin.T
 
     def state(k: int) -> np.ndarray:
+        theta = [course.inertia[0, k, i, j] for i, j in places]
         return np.concatenate([course.momentum[0, k], theta, course.torque[0, k]])
 
     told = brief(satellite.replace(name="truth"), Scenario())
@@ -195,6 +199,18 @@ def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
     np.testing.assert_allclose(unknown[-1], unknown[0], rtol=1e-9)
     with pytest.raises(ValueError, match=r'a known law is a factor on each moment: it needs parameters "principal"'):
         posterior_bound(course, briefing, MomentumEKFSettings(parameters="full"), DT, law_known=True)
+
+
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+def test_the_bound_is_taken_at_the_truth(skewed: Satellite, parameters: str) -> None:
+    """What the filter was told of the mean does not matter, only how far it was told to trust it."""
+    course, briefing = varying(skewed), brief(skewed, Scenario())
+    settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.0)
+    other = briefing.replace(
+        inertia=1.25 * briefing.inertia, prior_std=briefing.prior_std / 1.25, product_std=briefing.product_std / 1.25
+    )
+    first, second = (posterior_bound(course, told, settings, DT) for told in (briefing, other))
+    np.testing.assert_allclose(second, first, rtol=1e-9, atol=1e-12 * first.max())
 
 
 def test_relative_bounds_by_hand() -> None:

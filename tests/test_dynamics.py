@@ -462,8 +462,24 @@ def test_a_second_at_the_speed_limit_equals_the_textbook(name, mode, request):
     np.testing.assert_allclose(flight.wheel_speed, expected[:, 3 : 3 + wheels.count], rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_wheel_thrown_past_its_limit_by_a_step_of_the_inertia_is_locked(side, microsat):
+    """J_z jumps to 0.8 of itself: free, the wheel would turn 0.1 rad/s past its limit; the body takes up the rest."""
+    wheels, law = microsat.wheels, InertiaLaw("step", time=0.5, change=(0.0, 0.0, -0.2 * microsat.inertia[2, 2]))
+    j, limit, inertia, omega0 = wheels.inertia[2], wheels.max_speed[2], microsat.inertia[2, 2], -0.5 * side
+    speed0 = np.array([0.0, 0.0, side * (limit - 0.02)])
+    flight = simulate(
+        microsat, np.zeros((4, 3)), 0.25, omega0=(0.0, 0.0, omega0), wheel_speed0=speed0, law=law, substeps=2
+    )
+    momentum = inertia * omega0 + j * speed0[2]
+    np.testing.assert_allclose(flight.wheel_speed[:2], [speed0, speed0], rtol=1e-12)
+    np.testing.assert_allclose(flight.wheel_speed[2:, 2], side * limit, rtol=1e-12)
+    np.testing.assert_allclose(flight.omega[2:, 2], (momentum - side * j * limit) / (0.8 * inertia), rtol=1e-12)
+    np.testing.assert_allclose(flight.momentum[:, 2], momentum, rtol=1e-12)
+
+
 def test_a_step_of_the_inertia_between_held_wheels_conserves_momentum(pyramid):
-    """J jumps to 0.8 J0: the body spins up, and free wheels that it throws past their limit are locked."""
+    """J jumps to 0.8 J0 while two of the wheels are held at their limits: the body spins up."""
     limit = pyramid.wheels.max_speed
     speed0 = limit * [1.0, -1.0, 0.9999, -0.9999]
     flight = simulate(

@@ -57,9 +57,16 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "60 trials that all end beyond the limit do not happen"
         ),
         "_until_limit: if abs(f) <= 0.5 * _AT_LIMIT: -> if abs(f) < 0.5 * _AT_LIMIT:": "equal to the last bit alone",
+        (
+            "_hold_or_release: plant.wheel_momentum[k] = plant.wheel_inertia[k] * side * plant.wheel_speed_max[k] -> "
+            "plant.wheel_momentum[k] = plant.wheel_inertia[k] / side * plant.wheel_speed_max[k]"
+        ): "side is 1 or -1",
         "_limit_speeds: beyond = False -> beyond = True": "the same speeds are written once more",
         "_until_limit: f_low, f_high = (-_AT_LIMIT, over) -> f_low, f_high = (_AT_LIMIT, over)": (
             "the first guess alone, which the next line but three replaces"
         ),
+    },
+    "bounds": {
+        "_build_bound_many.bound_many: belief.mean[3:3 + p] = theta[i, k - 1] -> pass": "it is there already",
     },
 }
