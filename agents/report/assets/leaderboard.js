@@ -20,7 +20,7 @@ const COLUMNS = [
     label: "final error\n% [95 %]",
     meaning:
       "Relative error of the estimated inertia over the last 20 % of an episode (the paper's metric), mean over " +
-      "episodes, with its 95 % interval (BCa bootstrap over episodes).",
+      "episodes, with its 95 % interval (studentised bootstrap over episodes).",
     cell: withInterval("final_error"),
   },
   {
