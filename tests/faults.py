@@ -28,6 +28,11 @@ import tyro
 ROOT = Path(__file__).parent.parent
 PROMPT = 5.0  # s within which Ctrl-C has to end a run
 POLICY = ("policy", "last")
+SIGNALS = {
+    "kill": (signal.SIGKILL, signal.SIGKILL),
+    "int": (signal.SIGINT, signal.SIGINT),
+    "both": (signal.SIGKILL, signal.SIGINT),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +47,7 @@ class Faults:
     """Of the moments."""
     steps: int = 96_000
     """Decisions of the training."""
-    every: int = 6_400
+    every: int = 3_200
     """Decisions between its checkpoints."""
     folder: Path | None = None
     """Where the runs go; a temporary folder that is removed by default."""
@@ -126,28 +131,42 @@ def differences(one: Path, other: Path) -> list[str]:
     return [f"{name} differs" for name in names] + [f"{p} was left behind" for p in other.glob(".*.part")]
 
 
-def disturb(faults: Faults, run: Path, span: tuple[float, float]) -> list[str]:
+def await_checkpoint(process: subprocess.Popen[str], run: Path) -> None:
+    """Return once the run has written another checkpoint than it has now, or has ended."""
+    path = run / "checkpoint.npz"
+    before = path.stat().st_ino if path.exists() else None
+    while process.poll() is None and not (path.exists() and path.stat().st_ino != before):
+        time.sleep(0.005)
+
+
+def disturb(faults: Faults, run: Path, starting: float, between: float) -> list[str]:
     """Stop and resume a training as often as asked, then let it end; what went wrong.
+
+    By turns it is stopped at any moment of its start and its first checkpoints, and soon after it has got on by one.
 
     Args:
         faults: how often, and how.
         run: folder.
-        span: first and last second after the start of a process at which it is stopped.
+        starting: seconds before it learns.
+        between: seconds between its checkpoints.
     """
     moments = random.Random(faults.seed)
     wrong: list[str] = []
     done = 0
     while done < faults.kills:
-        turns = {"kill": signal.SIGKILL, "int": signal.SIGINT}
-        by = turns.get(faults.signal, (signal.SIGKILL, signal.SIGINT)[done % 2])
+        by = SIGNALS[faults.signal][done % 2]
         process = start(resumption(faults, run))
-        wait = moments.uniform(*span)
+        if by == signal.SIGINT or done % 2:  # Ctrl-C while Python itself still starts is Python's to answer
+            await_checkpoint(process, run)
+            wait = moments.uniform(0.0, between)
+        else:
+            wait = moments.uniform(0.3 * starting, starting + between)
         try:
             output, _ = process.communicate(timeout=wait)
         except subprocess.TimeoutExpired:
             wrong += stop(process, by)
             done += 1
-            print(f"{by.name} {done:3d} after {wait:5.2f} s, at {reached(run)} decisions", flush=True)
+            print(f"{by.name} {done:3d} at {reached(run)} decisions", flush=True)
             continue
         if process.returncode:
             return [*wrong, f"the run could not be resumed:\n{output[-2000:]}"]
@@ -173,11 +192,9 @@ def main() -> int:
         finish(resumption(faults, folder / "whole"))  # has nothing left to do: what starting alone takes
         starting = time.perf_counter() - began
         print(f"undisturbed: {seconds:.1f} s, {starting:.1f} s of them to start and end", flush=True)
-        # while it starts, learns and saves; long enough to get on, short enough for all stops to find it at work
-        learning = seconds - starting
-        most = starting + learning * max(1.5 / faults.kills, 2.0 * faults.every / faults.steps)
-        span = (starting if faults.signal != "kill" else 0.5 * starting, most)  # Ctrl-C once the imports are through
-        wrong = disturb(faults, folder / "killed", span) + differences(folder / "whole", folder / "killed")
+        between = (seconds - starting) * faults.every / faults.steps
+        wrong = disturb(faults, folder / "killed", starting, between)
+        wrong += differences(folder / "whole", folder / "killed")
     for line in wrong:
         print(line)
     print("the same bit for bit" if not wrong else f"{len(wrong)} things wrong")
