@@ -117,6 +117,8 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
             Cell.start(pool, teams[satellite], satellite=satellite, mode=mode, seeds=chosen, scenario=world)
             for satellite, mode in places
         ]
+        for pending in (flight for cell in cells for flight in cell.flights):
+            pending.add_done_callback(lambda done: None if done.cancelled() else bar.update())
         try:
             while cells:
                 cell = cells.pop(0)  # let go of its flights as soon as they are scored: all of them take much memory
@@ -138,7 +140,6 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
                     if top is not None:
                         reached = {**top.efficiency(flight.error), "decision_ms": pilot.decision_ms}
                         efficiencies.append({"policy": pilot.name, **where, **reached})
-                    bar.update()
                 pairs += [{**match, **where, **result} for match, result in _matches(cell.pilots, scores)]
         except BaseException:
             pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
