@@ -13,6 +13,7 @@ import tomllib
 import warnings
 
 import pytest
+import torch
 import tyro
 
 from agents import pages
@@ -48,6 +49,11 @@ COMMANDS = sorted({shlex.join(words) for text in PAGES.values() for words in com
 
 
 # code
+
+
+@pytest.fixture(autouse=True)
+def _one_thread_for_torch():
+    torch.set_num_threads(1)  # the tests run side by side: threads that wait for each other's cores take a minute
 
 
 @pytest.mark.parametrize("page", [page for page, text in PAGES.items() if blocks(text, "python")])
