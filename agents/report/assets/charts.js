@@ -203,7 +203,7 @@ function showTradeOff(id, key, scale, title, line) {
   if (line) {
     figure.annotations.push({
       x: Math.log10(line), y: 1, yref: "paper", text: "1 % line", showarrow: false, xanchor: "left", yanchor: "top",
-      font: { size: 12, color: colour("vermillion") },
+      font: { size: 12, color: colour("ink") },
     });
   }
   Plotly.react(chart, traces, figure, config);
