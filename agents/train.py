@@ -107,8 +107,9 @@ class Run:
             scenario=settings.scenario,
             reward=settings.reward,
         )
-        self.env.seed(seeds("training", 1, settings.seed * settings.num_envs)[0])
         self.model = self._new_model()
+        # after the model, which has seeded the environments in its own way: runs 0 and 1 would share all but one
+        self.env.seed(seeds("training", settings.num_envs, settings.seed * settings.num_envs)[0])
         self.model.after_update = self._after_update
         self.curve: list[dict[str, Any]] = []
         self.best = np.inf
