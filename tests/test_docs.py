@@ -37,6 +37,7 @@ def blocks(text, language):
 def commands(text):
     """Command lines of the blocks, and of inline code what has options and none left out."""
     lines = [line for language in ("", "bash", "sh") for block in blocks(text, language) for line in block.splitlines()]
+    lines += re.findall(r"^    ((?:python -m|make|pip) .*)$", text, flags=re.M)  # blocks by indentation
     inline = (
         " ".join(code.split())
         for code in re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.M))
