@@ -75,7 +75,7 @@ def _or(chance: Random, special: Any, value: Any, share: float = 0.3) -> Any:
 
 
 def _rotation(chance: Random) -> np.ndarray:
-    q = np.array([chance.gauss(0.0, 1.0) for _ in range(4)])
+    q = np.clip([chance.gauss(0.0, 1.0) for _ in range(4)], -5.0, 5.0)  # hypothesis knows no bounds
     x, y, z, w = q / max(np.linalg.norm(q), 1e-9)
     turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + 2.0 * w * turn + 2.0 * turn @ turn
