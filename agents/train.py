@@ -266,9 +266,7 @@ def _base(arguments: list[str]) -> TrainSettings:
     try:
         return TrainSettings.from_dict(head["settings"])
     except (TypeError, AttributeError) as error:
-        raise ValueError(
-            f"{known.run / 'run.json'} holds settings that are none ({error}): start the run again"
-        ) from error
+        raise ValueError(f"{known.run / 'run.json'} holds no settings ({error}): start the run again") from error
 
 
 def main(arguments: list[str] | None = None) -> None:
