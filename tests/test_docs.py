@@ -30,7 +30,7 @@ PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTIN
 def blocks(text, language):
     """Fenced blocks of one language, "" for those without."""
     return [
-        body for kind, body in re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.DOTALL | re.M) if kind == language
+        body for kind, body in re.findall(r"^```(.*?)\n(.*?)^```$", text, flags=re.DOTALL | re.M) if kind == language
     ]
 
 
