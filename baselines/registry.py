@@ -36,6 +36,7 @@ BASELINES: dict[str, Callable[..., Policy]] = {
     "random": RandomPolicy,
     "zero": ZeroPolicy,
 }
+TUNED_AS = {"faults": "default"}  # nobody tunes for faults: they are not known before
 UNTUNED = ("open_loop_optimal", "greedy", "greedy_horizon", "mpc", "random", "zero")  # no sweep sets them
 
 
@@ -68,7 +69,7 @@ def tuned_entry(name: str, satellite: str, scenario: str = "default") -> dict[st
     """
     if name not in BASELINES:
         raise unknown_name("baseline", name, BASELINES)
-    entries = _entries()
+    entries, scenario = _entries(), TUNED_AS.get(scenario, scenario)
     if (name, satellite, scenario) not in entries:
         tuned = sorted({key[1:] for key in entries if key[0] == name})
         raise ValueError(

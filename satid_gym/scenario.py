@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from satid_gym.config import Config, check_number
+from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
 
@@ -41,7 +42,8 @@ class Scenario(Config):
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
-        estimator: name of the filter that is the scenario's default.
+        estimator: the filter that is the scenario's default: its name, or a mapping with its settings.
+        faults: what can go wrong with sensors and wheels.
 
     Raises:
         ValueError: a value is out of range, or the periods do not divide.
@@ -72,7 +74,8 @@ class Scenario(Config):
     random_attitude: bool = True
     rate_limit: float | None = None
     termination_factor: float = 3.0
-    estimator: str = "momentum"
+    estimator: str | Mapping[str, Any] = "momentum"
+    faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
         for name in ("decision_period", "sample_period", "horizon", "prior_std", "product_std", "wheel_speed_scale"):
@@ -92,8 +95,14 @@ class Scenario(Config):
             check_number(f"prior_scale of {satellite}", scale, strict=True)
         if isinstance(self.laws, Mapping):
             object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
+        if isinstance(self.faults, Mapping):
+            object.__setattr__(self, "faults", Faults.from_dict(self.faults))
         _whole("decision_period / sample_period", self.decision_period / self.sample_period)
         _whole("horizon / decision_period", self.horizon / self.decision_period)
+        if self.faults.torque_delay[1] > self.samples:
+            raise ValueError(
+                f"torque_delay must be at most a decision, {self.samples} samples, got {self.faults.torque_delay}"
+            )
 
     @property
     def samples(self) -> int:
@@ -144,6 +153,20 @@ SCENARIOS: dict[str, Scenario] = {
             random_attitude=False,
             rate_limit=0.5,
             estimator="rate",
+        ),
+        Scenario(
+            name="faults",
+            gyro_bias_walk=1e-6,
+            estimator={"name": "momentum", "gate": 1e-6},
+            faults=Faults(
+                gyro_dropout=0.5,
+                gyro_dropout_silent=0.5,
+                gyro_outlier=0.005,
+                gyro_bias_std=2e-5,
+                tachometer_stuck=0.5,
+                wheel_loss=0.3,
+                torque_delay=(0, 3),
+            ),
         ),
     )
 }

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from satid_gym.core import vetting
 from satid_gym.core.algebra import (
     add,
     add_diagonal,
@@ -62,6 +63,7 @@ def start(belief, work, gyro, tachometer):
     inertia = estimated_inertia(belief)
     store(belief.mean, add(multiply(inertia, omega), a))
     store(belief.wheel_input, a)
+    vetting.begin(belief, gyro, tachometer)
     covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
     identity[:, :] = 0.0
     identity[0, 0] = identity[1, 1] = identity[2, 2] = 1.0
@@ -101,7 +103,12 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p = belief.prior_theta.shape[0]
     flexibility = inverse(estimated_inertia(belief))
-    before, after = load(belief.wheel_input), wheel_momentum(belief, tachometer)
+    if belief.gate > 0.0:
+        vetting.vet_tachometers(belief, tachometer, dt)
+        after = wheel_momentum(belief, belief.speed)
+    else:
+        after = wheel_momentum(belief, tachometer)
+    before = load(belief.wheel_input)
     per_step = 1.0 / belief.substeps
     h = dt * per_step
     noise = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
@@ -169,6 +176,24 @@ def condition(belief, work, gyro):
     omega is far from linear in theta there, and what one linearisation leaves is never forgotten.
     Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
     """
+    gated = belief.gate > 0.0
+    if gated and vetting.is_repeated(belief, gyro):
+        return 0.0
+    _linearise(belief, work, gyro)
+    if gated:
+        refused = vetting.refuse(belief, work, 3 + belief.prior_theta.shape[0])
+        if refused > 0.0:
+            return refused
+    momentum = load(belief.mean)
+    nis = _update(belief, work, gyro)
+    if gated:
+        vetting.follow_dead_wheels(belief, momentum)
+    return nis
+
+
+@inline
+def _update(belief, work, gyro):
+    """Update by the reading, which is linearised about the mean in work."""
     p = belief.prior_theta.shape[0]
     size = belief.mean.shape[0]
     iterations = 1
@@ -176,7 +201,6 @@ def condition(belief, work, gyro):
         if belief.covariance[3 + k, 3 + k] > (_COARSE * belief.mean[3 + k]) ** 2:
             iterations = _ITERATIONS
     if iterations == 1:
-        _linearise(belief, work, gyro)
         return update(belief, work, 3, 3 + p)
     prior_mean, prior, support = work.prior_mean, work.prior_covariance, 3 + p
     for i in range(size):
@@ -184,8 +208,9 @@ def condition(belief, work, gyro):
         for j in range(size):
             prior[i, j] = belief.covariance[i, j]
     nis, guarded = 0.0, belief.guarded
-    for _ in range(iterations):
-        _linearise(belief, work, gyro)
+    for iteration in range(iterations):
+        if iteration > 0:
+            _linearise(belief, work, gyro)
         for r in range(3):
             for k in range(support):
                 work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])

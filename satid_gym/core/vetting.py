@@ -1,0 +1,133 @@
+"""Which readings the MomentumEKF believes, where its gate is on.
+
+A reading of a noisy sensor that repeats the last one to the bit is no new reading. A gyro reading whose
+normalised innovation squared is beyond the gate is refused; one after _PATIENCE refusals in a row is believed,
+and what the filter thought it knew of the inertia is opened, for then the model is what is wrong.
+
+A wheel whose tachometer repeats itself may take up any torque within its limit. The gyro then measures
+M - a = J omega, and momentum, which the wheels cannot change, says what went into the wheel: the update's
+part along its axis is taken as motion of the wheel (`follow_dead_wheels`). M - a, and with it the covariance,
+does not depend on how an update is shared out among the two.
+Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
+(2001), ch. 5.4.
+"""
+
+from __future__ import annotations
+
+from satid_gym.core.algebra import axpy, inverse, load, multiply, store, subtract
+from satid_gym.core.dynamics import along_axis, wheel_axis
+from satid_gym.core.jit import inline
+
+_PATIENCE = 5
+_STEP = 0.1  # std of the change of each moment that a run of refusals stands for, relative to the prior
+
+
+@inline
+def begin(belief, gyro, tachometer):
+    """Take the first reading as it is."""
+    store(belief.last_gyro, load(gyro))
+    for k in range(tachometer.shape[0]):
+        belief.last_speed[k] = belief.speed[k] = tachometer[k]
+
+
+@inline
+def _add_along(belief, k, variance):
+    """P_MM += variance times the axis of wheel k squared."""
+    axis = wheel_axis(belief.axes, k)
+    for i in range(3):
+        for j in range(3):
+            belief.covariance[i, j] += variance * axis[i] * axis[j]
+
+
+@inline
+def _shift(belief, k, spin):
+    """Add `spin` N m s about the axis of wheel k to M and to A j Omega; M - A j Omega stays."""
+    axis = wheel_axis(belief.axes, k)
+    store(belief.mean, axpy(spin, axis, load(belief.mean)))
+    store(belief.wheel_input, axpy(spin, axis, load(belief.wheel_input)))
+
+
+@inline
+def vet_tachometers(belief, tachometer, dt):
+    """Write to belief.speed the wheel speeds (n,) to go by."""
+    for k in range(tachometer.shape[0]):
+        repeated = tachometer[k] == belief.last_speed[k] and belief.tachometer_std > 0.0
+        if repeated or belief.dead[k] != 0:
+            _add_along(belief, k, (belief.torque_max[k] * dt) ** 2)
+        if not repeated:
+            if belief.dead[k] != 0:
+                _shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
+                _add_along(belief, k, (belief.wheel_inertia[k] * belief.tachometer_std) ** 2)
+            belief.speed[k] = tachometer[k]
+        belief.dead[k] = 1 if repeated else 0
+        belief.last_speed[k] = tachometer[k]
+
+
+@inline
+def follow_dead_wheels(belief, momentum):
+    """After an update that began at `momentum`: what it did along the axis of a dead wheel, that wheel did."""
+    for k in range(belief.dead.shape[0]):
+        if belief.dead[k] != 0:
+            spin = -along_axis(belief.axes, k, subtract(load(belief.mean), momentum))
+            _shift(belief, k, spin)
+            belief.speed[k] += spin / belief.wheel_inertia[k]
+
+
+@inline
+def is_repeated(belief, gyro):
+    """Whether the gyro reading is no new one, which is counted."""
+    repeated = True
+    for i in range(3):
+        repeated = repeated and gyro[i] == belief.last_gyro[i]
+        belief.last_gyro[i] = gyro[i]
+    if repeated:
+        belief.rejected += 1
+        belief.unread = 1
+    return repeated
+
+
+@inline
+def _distance(belief, work, support):
+    """Normalised innovation squared of the whitened reading in work.rows and work.innovation."""
+    rows, covariance, ph = work.rows, belief.covariance, work.ph
+    s = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    for i in range(3):
+        for a in range(support):
+            ph[a] = 0.0
+            for b in range(support):
+                ph[a] += covariance[a, b] * rows[i, b]
+        x = y = z = 0.0
+        for a in range(support):
+            x += rows[0, a] * ph[a]
+            y += rows[1, a] * ph[a]
+            z += rows[2, a] * ph[a]
+        if i == 0:
+            s = (s[0] + x, s[1], s[2], y, z, s[5])
+        elif i == 1:
+            s = (s[0], s[1] + y, s[2], s[3], s[4], z)
+        else:
+            s = (s[0], s[1], s[2] + z, s[3], s[4], s[5])
+    innovation = load(work.innovation)
+    x, y, z = multiply(inverse(s), innovation)
+    return innovation[0] * x + innovation[1] * y + innovation[2] * z
+
+
+@inline
+def refuse(belief, work, support):
+    """Normalised innovation squared of a reading that is refused, or 0; may open the covariance."""
+    x, y, z = load(work.innovation)
+    nis = 0.0
+    if x * x + y * y + z * z > belief.gate:  # never less than the distance
+        nis = _distance(belief, work, support)
+    if nis <= belief.gate:
+        belief.refusals = 0
+        return 0.0
+    belief.refusals += 1
+    if belief.refusals > _PATIENCE:
+        belief.refusals = 0
+        for k in range(support - 3):
+            belief.covariance[3 + k, 3 + k] += (_STEP * belief.theta_scale[k]) ** 2
+        return 0.0
+    belief.rejected += 1
+    belief.unread = 1
+    return nis
