@@ -59,11 +59,20 @@ def start(belief, work, gyro, tachometer):
     """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
     start_theta(belief)
     p = belief.prior_theta.shape[0]
-    omega, a = load(gyro), wheel_momentum(belief, tachometer)
+    store(belief.wheel_input, wheel_momentum(belief, tachometer))
+    vetting.begin(belief, gyro, tachometer)
+    for i in range(3):
+        belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
+    _start_momentum(belief, work, gyro)
+
+
+@inline
+def _start_momentum(belief, work, gyro):
+    """M = J omega + a of one reading, with what is known of theta and with nothing of M before."""
+    p = belief.prior_theta.shape[0]
+    omega, a = load(gyro), load(belief.wheel_input)
     inertia = estimated_inertia(belief)
     store(belief.mean, add(multiply(inertia, omega), a))
-    store(belief.wheel_input, a)
-    vetting.begin(belief, gyro, tachometer)
     covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
     identity[:, :] = 0.0
     identity[0, 0] = identity[1, 1] = identity[2, 2] = 1.0
@@ -73,14 +82,17 @@ def start(belief, work, gyro, tachometer):
     moment = work.jacobian[1]
     store_symmetric(moment, axpy_symmetric(1.0, noise, load_symmetric(belief.wheel_momentum_covariance)))
     for i in range(3):
+        for j in range(p + 3):
+            total = 0.0
+            for k in range(p):
+                total += regressor[i, k] * covariance[3 + k, 3 + j]
+            covariance[i, 3 + j] = covariance[3 + j, i] = total
+    for i in range(3):
         for j in range(3):
             total = moment[i, j]
             for k in range(p):
-                total += regressor[i, k] * covariance[3 + k, 3 + k] * regressor[j, k]
+                total += covariance[i, 3 + k] * regressor[j, k]
             covariance[i, j] = total
-        for k in range(p):
-            covariance[i, 3 + k] = covariance[3 + k, i] = regressor[i, k] * covariance[3 + k, 3 + k]
-        covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
 
 
 @inline
@@ -104,7 +116,7 @@ def predict(belief, work, tachometer, dt):
     p = belief.prior_theta.shape[0]
     flexibility = inverse(estimated_inertia(belief))
     if belief.gate > 0.0:
-        vetting.vet_tachometers(belief, tachometer, dt)
+        vetting.vet_tachometers(belief, tachometer, work.torque, dt)
         after = wheel_momentum(belief, belief.speed)
     else:
         after = wheel_momentum(belief, tachometer)
@@ -125,6 +137,8 @@ def predict(belief, work, tachometer, dt):
         _write_transition(work, p, h)
         propagate(belief, work, h)
         _add_tachometer_noise(belief, work, middle, noise, h * dt)
+    if belief.gate > 0.0:
+        vetting.loosen(belief, flexibility, dt)
     store(belief.wheel_input, after)
 
 
@@ -178,6 +192,9 @@ def condition(belief, work, gyro):
     """
     gated = belief.gate > 0.0
     if gated and vetting.is_repeated(belief, gyro):
+        return 0.0
+    if gated and vetting.is_lost(belief):
+        _start_momentum(belief, work, gyro)
         return 0.0
     _linearise(belief, work, gyro)
     if gated:

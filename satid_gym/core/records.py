@@ -133,7 +133,8 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("last_gyro", _F, 3),
             ("last_speed", _F, n),  # of the tachometers
             ("speed", _F, n),  # that the filter goes by
-            ("dead", _I, n),  # 1: the tachometer repeats itself
+            ("dead", _I, n),  # 1: the tachometer repeats itself; 2: did so until this reading
+            ("blind", _I),  # samples for which a tachometer and the gyro had nothing to say
             ("torque_max", _F, n),
         ],
         align=True,

@@ -4,20 +4,24 @@ A reading of a noisy sensor that repeats the last one to the bit is no new readi
 normalised innovation squared is beyond the gate is refused; one after _PATIENCE refusals in a row is believed,
 and what the filter thought it knew of the inertia is opened, for then the model is what is wrong.
 
-A wheel whose tachometer repeats itself may take up any torque within its limit. The gyro then measures
-M - a = J omega, and momentum, which the wheels cannot change, says what went into the wheel: the update's
-part along its axis is taken as motion of the wheel (`follow_dead_wheels`). M - a, and with it the covariance,
-does not depend on how an update is shared out among the two.
+A wheel whose tachometer repeats itself is taken to follow its command, and may do otherwise by more than any
+motor can. The gyro then measures M - a = J omega, and momentum, which the wheels cannot change, says what went
+into the wheel: the update's part along its axis is taken as motion of the wheel (`follow_dead_wheels`). M - a,
+and with it the covariance, does not depend on how an update is shared out among the two. Without the gyro as
+well nobody knows how the body turns, so M starts anew when both are back; theta keeps what it was.
 Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
 (2001), ch. 5.4.
 """
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import axpy, inverse, load, multiply, store, subtract
+from satid_gym.core.algebra import axpy, cross, inverse, load, multiply, store, subtract
 from satid_gym.core.dynamics import along_axis, wheel_axis
 from satid_gym.core.jit import inline
 
+_DEAD, _BACK = 1, 2  # tachometer repeats itself; did so until the last reading
+_FREEDOM = 10.0  # spin that a wheel may take up, over what its motor can: a tighter bound would tell of J
+_BLIND = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
 _PATIENCE = 5
 _STEP = 0.1  # std of the change of each moment that a run of refusals stands for, relative to the prior
 
@@ -31,15 +35,6 @@ def begin(belief, gyro, tachometer):
 
 
 @inline
-def _add_along(belief, k, variance):
-    """P_MM += variance times the axis of wheel k squared."""
-    axis = wheel_axis(belief.axes, k)
-    for i in range(3):
-        for j in range(3):
-            belief.covariance[i, j] += variance * axis[i] * axis[j]
-
-
-@inline
 def _shift(belief, k, spin):
     """Add `spin` N m s about the axis of wheel k to M and to A j Omega; M - A j Omega stays."""
     axis = wheel_axis(belief.axes, k)
@@ -48,26 +43,62 @@ def _shift(belief, k, spin):
 
 
 @inline
-def vet_tachometers(belief, tachometer, dt):
-    """Write to belief.speed the wheel speeds (n,) to go by."""
+def vet_tachometers(belief, tachometer, torque, dt):
+    """Write to belief.speed the wheel speeds (n,) to go by, to belief.dead what became of the tachometers.
+
+    A wheel without tachometer is taken to follow the commanded `torque` (n,).
+    """
+    alone = False
     for k in range(tachometer.shape[0]):
+        alone = alone or (belief.dead[k] == _DEAD and belief.unread != 0)
         repeated = tachometer[k] == belief.last_speed[k] and belief.tachometer_std > 0.0
-        if repeated or belief.dead[k] != 0:
-            _add_along(belief, k, (belief.torque_max[k] * dt) ** 2)
-        if not repeated:
-            if belief.dead[k] != 0:
-                _shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
-                _add_along(belief, k, (belief.wheel_inertia[k] * belief.tachometer_std) ** 2)
-            belief.speed[k] = tachometer[k]
-        belief.dead[k] = 1 if repeated else 0
         belief.last_speed[k] = tachometer[k]
+        if repeated:
+            belief.speed[k] += torque[k] * dt / belief.wheel_inertia[k]
+            belief.dead[k] = _DEAD
+        else:
+            if belief.dead[k] == _DEAD:
+                _shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
+            belief.speed[k] = tachometer[k]
+            belief.dead[k] = _BACK if belief.dead[k] == _DEAD else 0
+    if alone:
+        belief.blind += 1
+    elif belief.blind <= _BLIND:
+        belief.blind = 0
+
+
+@inline
+def is_lost(belief):
+    """Whether M - a was without any reading for so long that nothing is known of M; it is over once all are back."""
+    lost = belief.blind > _BLIND
+    for k in range(belief.dead.shape[0]):
+        if belief.dead[k] == _DEAD:
+            return lost
+    belief.blind = 0
+    return lost
+
+
+@inline
+def loosen(belief, flexibility, dt):
+    """Add to P_MM what wheels without tachometer may have done in the dt seconds of a prediction.
+
+    Spin s taken up evenly moves M - a by -s (A_k + dt / 2 M x J^-1 A_k).
+    """
+    for k in range(belief.dead.shape[0]):
+        if belief.dead[k] != 0:
+            axis = wheel_axis(belief.axes, k)
+            g = axpy(0.5 * dt, cross(load(belief.mean), multiply(flexibility, axis)), axis)
+            variance = (_FREEDOM * belief.torque_max[k] * dt) ** 2
+            for i in range(3):
+                for j in range(3):
+                    belief.covariance[i, j] += variance * g[i] * g[j]
 
 
 @inline
 def follow_dead_wheels(belief, momentum):
     """After an update that began at `momentum`: what it did along the axis of a dead wheel, that wheel did."""
     for k in range(belief.dead.shape[0]):
-        if belief.dead[k] != 0:
+        if belief.dead[k] == _DEAD:
             spin = -along_axis(belief.axes, k, subtract(load(belief.mean), momentum))
             _shift(belief, k, spin)
             belief.speed[k] += spin / belief.wheel_inertia[k]
