@@ -22,7 +22,7 @@ from satid_gym.core.jit import inline
 _DEAD, _BACK = 1, 2  # tachometer repeats itself; did so until the last reading
 _FREEDOM = 10.0  # spin that a wheel may take up, over what its motor can: a tighter bound would tell of J
 _BLIND = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
-_PATIENCE = 5
+_PATIENCE = 2
 _STEP = 0.1  # std of the change of each moment that a run of refusals stands for, relative to the prior
 
 
@@ -145,7 +145,7 @@ def _distance(belief, work, support):
 
 @inline
 def refuse(belief, work, support):
-    """Normalised innovation squared of a reading that is refused, or 0; may open the covariance."""
+    """Normalised innovation squared of a reading that is refused, or 0; a run of refusals opens the covariance."""
     x, y, z = load(work.innovation)
     nis = 0.0
     if x * x + y * y + z * z > belief.gate:  # never less than the distance
@@ -155,10 +155,24 @@ def refuse(belief, work, support):
         return 0.0
     belief.refusals += 1
     if belief.refusals > _PATIENCE:
+        _open(belief, work, support - 3)
         belief.refusals = 0
-        for k in range(support - 3):
-            belief.covariance[3 + k, 3 + k] += (_STEP * belief.theta_scale[k]) ** 2
         return 0.0
     belief.rejected += 1
     belief.unread = 1
     return nis
+
+
+@inline
+def _open(belief, work, p):
+    """Add to the covariance a change of theta that came with the first refusal and has moved M since."""
+    covariance, elapsed = belief.covariance, belief.refusals * belief.substeps
+    for k in range(p):
+        variance = (_STEP * belief.theta_scale[k]) ** 2
+        covariance[3 + k, 3 + k] += variance
+        for i in range(3):
+            moved = elapsed * work.transition[i, 3 + k]
+            covariance[i, 3 + k] += moved * variance
+            covariance[3 + k, i] += moved * variance
+            for j in range(3):
+                covariance[i, j] += moved * variance * elapsed * work.transition[j, 3 + k]
