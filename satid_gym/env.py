@@ -333,6 +333,8 @@ motor torque, delayed commands |
         assert self._foreign is not None
         plant, task, report = self._plants[0], self._tasks[0], self._reports[0]
         kernels.command(self._plants, self._tasks, self._work, self._reports, action)
+        if hasattr(self._foreign, "command"):
+            self._foreign.command(self._work["torque"][0].copy())
         first = self._spread()
         gain = 0.0
         for _ in range(task["samples"]):

@@ -89,9 +89,11 @@ def condition(belief, work, gyro, tachometer):
 @inline
 def take_reading(plant, belief, work):
     """Update the belief with the present readings, if the gyro has one; normalised innovation squared, else 0."""
-    belief.unread = plant.gyro_flagged
     if plant.gyro_flagged != 0:
+        belief.unread = 1
         return 0.0
+    if belief.gate == 0.0:
+        belief.unread = 0
     return condition(belief, work, plant.gyro, plant.tachometer)
 
 

@@ -195,12 +195,14 @@ def condition(belief, work, gyro):
         return 0.0
     if gated and vetting.is_lost(belief):
         _start_momentum(belief, work, gyro)
+        belief.unread = 0
         return 0.0
     _linearise(belief, work, gyro)
     if gated:
         refused = vetting.refuse(belief, work, 3 + belief.prior_theta.shape[0])
         if refused > 0.0:
             return refused
+    belief.unread = 0
     momentum = load(belief.mean)
     nis = _update(belief, work, gyro)
     if gated:

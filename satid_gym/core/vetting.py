@@ -65,6 +65,7 @@ def vet_tachometers(belief, tachometer, torque, dt):
         belief.blind += 1
     elif belief.blind <= _BLIND:
         belief.blind = 0
+    belief.unread = 1  # until a gyro reading is believed
 
 
 @inline
@@ -113,7 +114,6 @@ def is_repeated(belief, gyro):
         belief.last_gyro[i] = gyro[i]
     if repeated:
         belief.rejected += 1
-        belief.unread = 1
     return repeated
 
 
@@ -159,7 +159,6 @@ def refuse(belief, work, support):
         belief.refusals = 0
         return 0.0
     belief.rejected += 1
-    belief.unread = 1
     return nis
 
 

@@ -20,6 +20,7 @@ from satid_gym.estimators.settings import (
     Parameters,
     RateEKFSettings,
     disturbance_walk,
+    gate_distance,
     inertia_parameters,
 )
 
@@ -182,18 +183,32 @@ class FilterpyMomentumEKF(_Reference):
         self.filter = self._new_filter()
         self.filter.x, self.filter.P = self.model.start(gyro, wheel_speed)
         self._a = self.model.spin @ wheel_speed
+        self._vetting = _Vetting(self.model, gyro, wheel_speed) if self.settings.gate > 0.0 else None
+
+    def command(self, torque: np.ndarray) -> None:
+        """Take note of the motor torque (n,) that is commanded from now on, N m; wheels without tachometer follow it."""
+        if self._vetting is not None:
+            self._vetting.torque = np.array(torque)
 
     def _new_filter(self) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(dim_x=self.model.size, dim_z=3)
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
+        vetting, flexibility = self._vetting, np.linalg.inv(tensor(self.model.split(self.filter.x)[1]))
+        if vetting is not None:
+            shift = vetting.look(wheel_speed, dt)
+            self.filter.x[:3] += shift
+            self._a = self._a + shift
+            wheel_speed = vetting.speed
         start, end = self._a, self.model.spin @ wheel_speed
         steps = self.settings.substeps
         h = dt / steps
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
             self._predict_step(a0, a1, h, dt)
+        if vetting is not None:
+            self.filter.P[:3, :3] += vetting.freedom(self.filter.x[:3], flexibility, dt)
         self._a = end
 
     def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
@@ -205,6 +220,35 @@ class FilterpyMomentumEKF(_Reference):
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
+        kf, vetting = self.filter, self._vetting
+        if vetting is None:
+            return self._condition(gyro)
+        if vetting.repeated(gyro):
+            return 0.0
+        if vetting.lost():
+            self._start_momentum(gyro)
+            return 0.0
+        refused = vetting.refuse(kf, self._a, gyro)
+        if refused > 0.0:
+            return refused / 3.0
+        before = kf.x[:3].copy()
+        nis = self._condition(gyro)
+        shift = vetting.attribute(kf.x[:3] - before)
+        kf.x[:3] += shift
+        self._a = self._a + shift
+        return nis
+
+    def _start_momentum(self, gyro: np.ndarray) -> None:
+        """M = J omega + a, with what is known of theta and nothing of M before."""
+        x, covariance, p = self.filter.x, self.filter.P, self.model.p
+        inertia, regress = tensor(x[3 : 3 + p]), regressor(gyro, p)
+        x[:3] = inertia @ gyro + self._a
+        covariance[:3, 3:] = regress @ covariance[3 : 3 + p, 3:]
+        covariance[3:, :3] = covariance[:3, 3:].T
+        noise = inertia @ inertia * self.model.briefing.gyro_noise_std**2 + self.model.spin_covariance
+        covariance[:3, :3] = covariance[:3, 3 : 3 + p] @ regress.T + noise
+
+    def _condition(self, gyro: np.ndarray) -> float:
         kf, model, a = self.filter, self.model, self._a
         prior, covariance = kf.x.copy(), kf.P.copy()
         for _ in range(model.iterations(prior, covariance)):
@@ -216,12 +260,95 @@ class FilterpyMomentumEKF(_Reference):
         return float(kf.y @ kf.SI @ kf.y) / 3.0
 
 
+class _Vetting:
+    """Which readings FilterpyMomentumEKF believes; see `satid_gym.core.vetting`, which this transcribes."""
+
+    def __init__(self, model: _MomentumModel, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+        self.model, self.gate = model, gate_distance(model.settings)
+        self.gyro, self.tachometer = np.array(gyro), np.array(wheel_speed)
+        self.speed, self.torque = np.array(wheel_speed), np.zeros(len(wheel_speed))
+        self.dead = np.zeros(len(wheel_speed), bool)
+        self.back = self.dead.copy()
+        self.unread, self.refusals, self.blind = False, 0, 0
+
+    def look(self, wheel_speed: np.ndarray, dt: float) -> np.ndarray:
+        """Take in the tachometers; returns what M and a gain (3,) from those that are back."""
+        was, wheels = self.dead, self.model.briefing.wheels
+        self.blind = self.blind + 1 if was.any() and self.unread else self.blind if self.blind > 10 else 0
+        self.dead = (wheel_speed == self.tachometer) & (self.model.briefing.tachometer_noise_std > 0.0)
+        self.back = was & ~self.dead
+        shift = self.model.spin[:, self.back] @ (wheel_speed - self.speed)[self.back]
+        self.speed = np.where(self.dead, self.speed + self.torque * dt / wheels.inertia, wheel_speed)
+        self.tachometer = np.array(wheel_speed)
+        # a reading is there unless `repeated` or `refuse` says otherwise
+        self.unread = True
+        return shift
+
+    def freedom(self, momentum: np.ndarray, flexibility: np.ndarray, dt: float) -> np.ndarray:
+        """(3, 3) covariance of what wheels without tachometer did to M - a."""
+        wheels, total = self.model.briefing.wheels, np.zeros((3, 3))
+        for k in np.flatnonzero(self.dead | self.back):
+            axis = wheels.axes[:, k]
+            way = axis + 0.5 * dt * np.cross(momentum, flexibility @ axis)
+            total += (10.0 * wheels.max_torque[k] * dt) ** 2 * np.outer(way, way)
+        return total
+
+    def repeated(self, gyro: np.ndarray) -> bool:
+        """Whether the gyro repeats itself."""
+        same, self.gyro = bool((gyro == self.gyro).all()), np.array(gyro)
+        self.unread = same
+        return same
+
+    def lost(self) -> bool:
+        """Whether nothing is known of M."""
+        lost = self.blind > 10
+        if not self.dead.any():
+            self.blind = 0
+        return lost
+
+    def refuse(self, kf: Any, a: np.ndarray, gyro: np.ndarray) -> float:
+        """Normalised innovation squared of a reading that is refused, or 0; the third in a row is not."""
+        model, x = self.model, kf.x
+        innovation, slope = gyro - model.rate(x, a), model.measurement_jacobian(x, a, gyro)
+        nis = float(innovation @ np.linalg.solve(slope @ kf.P @ slope.T + model.measurement_noise(x), innovation))
+        if nis <= self.gate:
+            self.refusals = 0
+            return 0.0
+        self.refusals += 1
+        if self.refusals < 3:
+            self.unread = True
+            return nis
+        p, steps = model.p, self.refusals * model.settings.substeps
+        way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
+        change = (0.1 * model.briefing.theta_scale(model.settings.parameters)) ** 2
+        kf.P[: 3 + p, : 3 + p] += way * change @ way.T
+        self.refusals = 0
+        return 0.0
+
+    def attribute(self, change: np.ndarray) -> np.ndarray:
+        """Take the part of an update of M (3,) along the axes of wheels without tachometer as theirs; its opposite."""
+        wheels, shift = self.model.briefing.wheels, np.zeros(3)
+        for k in np.flatnonzero(self.dead):
+            spin = -wheels.axes[:, k] @ (change + shift)
+            shift += spin * wheels.axes[:, k]
+            self.speed[k] += spin / wheels.inertia[k]
+        return shift
+
+
 class FilterpyMomentumUKF(FilterpyMomentumEKF):
     """The same model under filterpy's unscented filter: no Jacobians, curvature to second order.
 
     Args:
         **settings: fields of `MomentumEKFSettings`.
+
+    Raises:
+        ValueError: a gate is asked for; this filter has none.
     """
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**settings)
+        if self.settings.gate > 0.0:
+            raise ValueError(f"FilterpyMomentumUKF has no gate: it must be 0, got {self.settings.gate}")
 
     def _new_filter(self) -> UnscentedKalmanFilter:
         size = self.model.size
