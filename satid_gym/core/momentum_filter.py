@@ -193,16 +193,18 @@ def condition(belief, work, gyro):
     gated = belief.gate > 0.0
     if gated and vetting.is_repeated(belief, gyro):
         return 0.0
-    if gated and vetting.is_lost(belief):
-        _start_momentum(belief, work, gyro)
-        belief.unread = 0
-        return 0.0
     _linearise(belief, work, gyro)
     if gated:
-        refused = vetting.refuse(belief, work, 3 + belief.prior_theta.shape[0])
-        if refused > 0.0:
-            return refused
-    belief.unread = 0
+        verdict = vetting.ANEW
+        if not vetting.is_lost(belief):
+            verdict = vetting.refuse(belief, work, 3 + belief.prior_theta.shape[0])
+        if verdict > 0.0:
+            return verdict
+        if verdict == vetting.ANEW:
+            _start_momentum(belief, work, gyro)
+            belief.unread = belief.vouched = 0
+            return 0.0
+    belief.unread, belief.vouched = 0, 1
     momentum = load(belief.mean)
     nis = _update(belief, work, gyro)
     if gated:

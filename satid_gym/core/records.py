@@ -129,6 +129,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             # which readings are believed, see core.vetting; gate 0: all
             ("gate", _F),  # normalised innovation squared beyond which a reading is refused
             ("refusals", _I),  # in a row
+            ("vouched", _I),  # 1: a reading has agreed with the one that M was started with
             ("rejected", _I),  # readings refused or found to be no new ones
             ("last_gyro", _F, 3),
             ("last_speed", _F, n),  # of the tachometers

@@ -2,7 +2,7 @@
 
 A reading of a noisy sensor that repeats the last one to the bit is no new reading. A gyro reading whose
 normalised innovation squared is beyond the gate is refused; one after _PATIENCE refusals in a row is believed,
-and what the filter thought it knew of the inertia is opened, for then the model is what is wrong.
+for then the model is what is wrong: the inertia has changed, or the reading that M was started with was no good.
 
 A wheel whose tachometer repeats itself is taken to follow its command, and may do otherwise by more than any
 motor can. The gyro then measures M - a = J omega, and momentum, which the wheels cannot change, says what went
@@ -23,12 +23,14 @@ _DEAD, _BACK = 1, 2  # tachometer repeats itself; did so until the last reading
 _FREEDOM = 10.0  # spin that a wheel may take up, over what its motor can: a tighter bound would tell of J
 _BLIND = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
 _PATIENCE = 2
+ANEW = -1.0  # verdict on a reading with which momentum is to be started anew
 _STEP = 0.1  # std of the change of each moment that a run of refusals stands for, relative to the prior
 
 
 @inline
 def begin(belief, gyro, tachometer):
     """Take the first reading as it is."""
+    belief.vouched = 0
     store(belief.last_gyro, load(gyro))
     for k in range(tachometer.shape[0]):
         belief.last_speed[k] = belief.speed[k] = tachometer[k]
@@ -145,7 +147,10 @@ def _distance(belief, work, support):
 
 @inline
 def refuse(belief, work, support):
-    """Normalised innovation squared of a reading that is refused, or 0; a run of refusals opens the covariance."""
+    """Normalised innovation squared of a reading that is refused, 0 of one that is not, or ANEW.
+
+    A run of refusals opens the covariance, or shows that the one reading that M was started with was an outlier.
+    """
     x, y, z = load(work.innovation)
     nis = 0.0
     if x * x + y * y + z * z > belief.gate:  # never less than the distance
@@ -155,6 +160,9 @@ def refuse(belief, work, support):
         return 0.0
     belief.refusals += 1
     if belief.refusals > _PATIENCE:
+        if belief.vouched == 0:
+            belief.refusals = 0
+            return ANEW
         _open(belief, work, support - 3)
         belief.refusals = 0
         return 0.0

@@ -225,12 +225,14 @@ class FilterpyMomentumEKF(_Reference):
             return self._condition(gyro)
         if vetting.repeated(gyro):
             return 0.0
-        if vetting.lost():
+        refused = None if vetting.lost() else vetting.refuse(kf, self._a, gyro)
+        if refused is None:
             self._start_momentum(gyro)
+            vetting.vouched = False
             return 0.0
-        refused = vetting.refuse(kf, self._a, gyro)
         if refused > 0.0:
             return refused / 3.0
+        vetting.vouched = True
         before = kf.x[:3].copy()
         nis = self._condition(gyro)
         shift = vetting.attribute(kf.x[:3] - before)
@@ -269,7 +271,7 @@ class _Vetting:
         self.speed, self.torque = np.array(wheel_speed), np.zeros(len(wheel_speed))
         self.dead = np.zeros(len(wheel_speed), bool)
         self.back = self.dead.copy()
-        self.unread, self.refusals, self.blind = False, 0, 0
+        self.unread, self.vouched, self.refusals, self.blind = False, False, 0, 0
 
     def look(self, wheel_speed: np.ndarray, dt: float) -> np.ndarray:
         """Take in the tachometers; returns what M and a gain (3,) from those that are back."""
@@ -306,8 +308,11 @@ class _Vetting:
             self.blind = 0
         return lost
 
-    def refuse(self, kf: Any, a: np.ndarray, gyro: np.ndarray) -> float:
-        """Normalised innovation squared of a reading that is refused, or 0; the third in a row is not."""
+    def refuse(self, kf: Any, a: np.ndarray, gyro: np.ndarray) -> float | None:
+        """Normalised innovation squared of a reading that is refused, or 0; None where M is to be started anew.
+
+        The third in a row is not refused.
+        """
         model, x = self.model, kf.x
         innovation, slope = gyro - model.rate(x, a), model.measurement_jacobian(x, a, gyro)
         nis = float(innovation @ np.linalg.solve(slope @ kf.P @ slope.T + model.measurement_noise(x), innovation))
@@ -319,10 +324,12 @@ class _Vetting:
             self.unread = True
             return nis
         p, steps = model.p, self.refusals * model.settings.substeps
+        self.refusals = 0
+        if not self.vouched:
+            return None
         way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
         change = (0.1 * model.briefing.theta_scale(model.settings.parameters)) ** 2
         kf.P[: 3 + p, : 3 + p] += way * change @ way.T
-        self.refusals = 0
         return 0.0
 
     def attribute(self, change: np.ndarray) -> np.ndarray:
