@@ -1,14 +1,15 @@
 """What faults do to filter and policies: `python -m baselines.faults`.
 
-Flies every policy through scenario "faults" with one fault at a time, all of them, and none, once with a filter
-that believes every reading and once with the scenario's, which is gated. Prints a table and writes faults.json.
+Flies policies through scenario "faults" with one fault at a time, all of them, and none, once with a filter that
+believes every reading and once with the scenario's, which is gated. Prints a table and writes faults.json.
+`python -m agents.faults` flies the shipped policies as well.
 Dropout, stuck tachometer and wheel loss come at 40 % of the horizon in every episode of their rows.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -104,8 +105,8 @@ class Study:
 def worlds(case: str) -> dict[str, Scenario]:
     """Scenario "faults" with a case's faults, with a filter that believes every reading and with its own."""
     world = benchmark_scenario("faults").replace(faults=CASES[case][0])
-    if case in ("none", "gyro bias"):
-        world = world.replace(gyro_bias_walk=benchmark_scenario("default" if case == "none" else "faults").gyro_bias_walk)
+    if case == "none":
+        world = world.replace(gyro_bias_walk=benchmark_scenario("default").gyro_bias_walk)
     return {"believing": world.replace(estimator="momentum"), "gated": world}
 
 
@@ -132,11 +133,11 @@ def scores(flight: Flight, over: float) -> dict[str, float | None]:
         "after": time > end + _SETTLING,
     }
     means = {name: nees[window] for name, window in windows.items()}
-    after = np.array([np.mean(column[~np.isnan(column)]) for column in means["after"].T if not np.isnan(column).all()])
+    after = np.array([column[~np.isnan(column)].mean() for column in means["after"].T if not np.isnan(column).all()])
     back = recovery(flight, end)
     return {
         "final_error": float(final_error(flight.error).mean()),
-        **{f"nees_{name}": _finite(np.nanmean(values)) if values.size else None for name, values in means.items()},
+        **{f"nees_{name}": _mean(values[~np.isnan(values)]) for name, values in means.items()},
         "nees_worst": _finite(np.quantile(after, 0.95)) if after.size else None,
         "recovery_s": _finite(np.median(back)),
         "recovery_s_95": _finite(np.quantile(back, 0.95, method="higher")),
@@ -155,6 +156,10 @@ def recovery(flight: Flight, end: float) -> np.ndarray:
     return np.where(runs.any(axis=0), runs.argmax(axis=0) * period, np.inf)
 
 
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if values.size else None
+
+
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
@@ -171,12 +176,11 @@ def study(settings: Study, policies: Mapping[str, Mapping[str, Policy]]) -> dict
     records = []
     for satellite, case, name in tqdm(rows, desc="faults", unit="flight"):
         for kind, world in worlds(case).items():
-            flown = fly(policies[satellite][name], satellite=satellite, inertia=settings.inertia, seeds=chosen, scenario=world)
-            records.append(
-                {"satellite": satellite, "case": case, "policy": name, "filter": kind, **scores(flown, CASES[case][1])}
-            )
+            cell = {"satellite": satellite, "inertia": settings.inertia, "scenario": world}
+            flown = fly(policies[satellite][name], seeds=chosen, **cell)
+            names = {"satellite": satellite, "case": case, "policy": name, "filter": kind}
+            records.append({**names, **scores(flown, CASES[case][1])})
     return {
-        "command": command("baselines.faults"),
         "settings": {**asdict(settings), "output": str(settings.output)},
         "revision": revision(),
         "versions": versions(),
@@ -211,16 +215,25 @@ def _table(results: Mapping[str, Any]) -> Table:
     return table
 
 
-def main() -> int:
-    """Run the study that the command line asks for; the exit code."""
+def main(learned: Sequence[Policy] = (), module: str = "baselines.faults") -> int:
+    """Run the study that the command line asks for; the exit code.
+
+    Args:
+        learned: policies that fly beside the baselines.
+        module: that was called.
+    """
     settings = tyro.cli(Study, description=__doc__)
     try:
         settings.check()
-        policies = {s: {name: make_baseline(name, s, "faults") for name in settings.policies} for s in settings.satellites}
+        policies: dict[str, dict[str, Policy]] = {
+            s: {name: make_baseline(name, s, "faults") for name in settings.policies} for s in settings.satellites
+        }
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    results = study(settings, policies)
+    for row in policies.values():
+        row.update({policy.name: policy for policy in learned})
+    results = {"command": command(module), **study(settings, policies)}
     write_json(settings.output, results)
     console = Console(width=180) if not sys.stdout.isatty() else Console()
     console.print(_table(results))

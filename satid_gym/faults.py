@@ -84,4 +84,3 @@ class Faults(Config):
         none = Faults()
         off = {name: getattr(none, name) for name in SWITCHES if name != switch}
         return self.replace(**off)
-

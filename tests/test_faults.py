@@ -81,7 +81,7 @@ def test_gated_filter_equals_filterpy_over_an_episode(seed):
     mean, covariance = np.array(means), np.array(covariances)
     print(seed, (np.abs(mean[:, 0] - mean[:, 1]) / np.abs(mean).max(axis=(0, 1))).max())
     std = np.sqrt(np.einsum("tii->ti", covariance[:, 0]))
-    print((np.abs(covariance[:, 0] - covariance[:, 1]) / (std[:, :, None] * std[:, None, :])).max(axis=(1,2)))
+    print((np.abs(covariance[:, 0] - covariance[:, 1]) / (std[:, :, None] * std[:, None, :])).max(axis=(1, 2)))
     assert (np.abs(mean[:, 0] - mean[:, 1]) / np.abs(mean).max(axis=(0, 1))).max() < 1e-9
     assert (np.abs(covariance[:, 0] - covariance[:, 1]) / (std[:, :, None] * std[:, None, :])).max() < 1e-9
     assert fast._reports["rejected"][0] > 0
