@@ -186,7 +186,7 @@ class FilterpyMomentumEKF(_Reference):
         self._vetting = _Vetting(self.model, gyro, wheel_speed) if self.settings.gate > 0.0 else None
 
     def command(self, torque: np.ndarray) -> None:
-        """Take note of the motor torque (n,) that is commanded from now on, N m; wheels without tachometer follow it."""
+        """Take note of the motor torque (n,) commanded from now on, N m; wheels without tachometer follow it."""
         if self._vetting is not None:
             self._vetting.torque = np.array(torque)
 
