@@ -27,13 +27,12 @@ from satid_gym.config import unknown_name
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.metrics import final_error
+from satid_gym.metrics import SETTLING, final_error
 from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario
 
 _ONSET = 0.4  # of the horizon
-_SETTLING = 10.0  # s after a fault that "after" leaves out
 _RECOVERED = 0.005  # relative error, held for _HELD
 _HELD = 10.0  # s
 _POSSIBLE = benchmark_scenario("faults").faults
@@ -119,18 +118,20 @@ def scores(flight: Flight, over: float) -> dict[str, float | None]:
 
     Returns:
         final_error: mean. nees_before, nees_during, nees_after: mean over living episodes from 60 s to the onset,
-        to the end of the fault, and from 10 s after that on; None where there is no such time. nees_worst: 95 %
-        quantile of the episodes' means after. recovery_s, recovery_s_95: median and 95 % quantile of the time
-        after the fault from which the error keeps to 0.5 % for 10 s, None where not reached. outside, terminated:
-        shares.
+        to the end of the fault, and from 10 s after that on, without the 10 s after a step of the inertia; None
+        where there is no such time. nees_worst: 95 % quantile of the episodes' means after. recovery_s,
+        recovery_s_95: median and 95 % quantile of the time after the fault from which the error keeps to 0.5 %
+        for 10 s, None where not reached. outside, terminated: shares.
     """
     time, onset = flight.time, _ONSET * flight.time[-1]
     end = onset + over
     nees = np.where(flight.alive, flight.nees, np.nan)
+    if flight.step_time is not None:  # as everywhere: no filter is honest at once
+        nees[(time >= flight.step_time) & (time <= flight.step_time + SETTLING)] = np.nan
     windows = {
         "before": (time > 60.0) & (time <= onset),
         "during": (time > onset) & (time <= end),
-        "after": time > end + _SETTLING,
+        "after": time > end + SETTLING,
     }
     means = {name: nees[window] for name, window in windows.items()}
     after = np.array([column[~np.isnan(column)].mean() for column in means["after"].T if not np.isnan(column).all()])
