@@ -44,5 +44,5 @@ def _same(now: dict[str, Any], then: dict[str, Any]) -> None:
 def test_flights_tell_changes_apart():
     """A change of one part in a million anywhere would be seen."""
     recorded = RECORDED["default, microsat, static"]["marks"][-1]
-    with pytest.raises(AssertionError, match="nees at decision 60"):
+    with pytest.raises(AssertionError, match="nees at decision"):
         _same({**recorded, "nees": recorded["nees"] * (1.0 + 1e-6)}, recorded)
