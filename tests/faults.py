@@ -26,7 +26,7 @@ import numpy as np
 import tyro
 
 ROOT = Path(__file__).parent.parent
-PROMPT = 20.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
+PROMPT = 30.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
 POLICY = ("policy", "last")
 SIGNALS = {
     "kill": (signal.SIGKILL, signal.SIGKILL),
