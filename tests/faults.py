@@ -69,7 +69,13 @@ def resumption(faults: Faults, run: Path) -> list[str]:
 def start(arguments: list[str]) -> subprocess.Popen[str]:
     """A process of its own with its output kept."""
     command = [sys.executable, *arguments]
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return subprocess.Popen(command, cwd=ROOT, text=True, preexec_fn=heed_interrupts, **pipes)
+
+
+def heed_interrupts() -> None:
+    """What a child calls first: a shell's background jobs ignore Ctrl-C, and so would theirs."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finish(arguments: list[str]) -> float:

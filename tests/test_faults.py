@@ -13,7 +13,18 @@ import pytest
 
 from agents import readme, train
 from baselines.provenance import DamagedFileError, check_writable, read_json, write_bytes
-from tests.faults import PROMPT, ROOT, Faults, await_checkpoint, differences, resumption, start, stop, training
+from tests.faults import (
+    PROMPT,
+    ROOT,
+    Faults,
+    await_checkpoint,
+    differences,
+    heed_interrupts,
+    resumption,
+    start,
+    stop,
+    training,
+)
 
 SHORT = Faults(steps=24_000, every=3_200)
 
@@ -128,6 +139,7 @@ def test_an_interrupted_comparison_leaves_the_old_files(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "agents.compare", "--policies", "mpc", "zero", "--output", str(tmp_path)],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1,
+        preexec_fn=heed_interrupts,
     )  # fmt: skip
     shown = ""
     while "comparing" not in shown:
