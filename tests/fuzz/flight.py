@@ -203,7 +203,7 @@ class _Log:
         std = np.sqrt(np.where(known, 1.0, variance))
         correlation = covariance / (std[:, :, None] * std[:, None, :]) + known[:, :, None] * np.eye(known.shape[1])
         skew = np.abs(correlation - correlation.transpose(0, 2, 1)).max(axis=(1, 2))
-        _demand(skew < _ROUNDING, "the filter's correlation is not symmetric by", skew)
+        _demand(skew < _SINGULAR, "the filter's correlation is not symmetric by", skew)
         least = np.linalg.eigvalsh(correlation)[:, 0]
         _demand(least > -_SINGULAR, "the filter's correlation has the eigenvalue", least)
 
