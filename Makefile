@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare test coverage mutation lint format train benchmark docs clean
+.PHONY: setup compare test coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
 
@@ -46,6 +46,9 @@ benchmark: setup
 docs: setup  ## the documentation site, in build/site
 	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build
 	@echo "build/site/index.html"
+
+dist: setup  ## wheel and sdist in dist/, built twice with the same bytes, the wheel used by itself
+	$(RUN) -m tests.packaging
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import functools
 import io
 import itertools
 import os
@@ -25,6 +24,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
+from agents.cell import Cell
 from agents.policies import shipped
 from agents.report import write_report
 from agents.report.curves import error_bands, rounded
@@ -32,12 +32,10 @@ from agents.report.episode import episode_cell, fly_episode, protagonists
 from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
-from baselines.ceiling import ceiling
 from baselines.ending import ended
 from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
-from baselines.timing import TimedPolicy
 from satid_gym.config import unknown_name
-from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
+from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES
@@ -52,7 +50,7 @@ class Comparison:
     """What to compare."""
 
     scenario: str = "default"
-    """The world: default, tight or paper."""
+    """The world: default, tight, paper or faults."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to fly."""
     modes: tuple[str, ...] = INERTIA_MODES
@@ -103,48 +101,52 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     """
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
     world = benchmark_scenario(comparison.scenario)
-    flights = {
-        (satellite, mode): line_up(comparison, satellite, learned)
-        for satellite, mode in itertools.product(comparison.satellites, comparison.modes)
-    }
+    places = list(itertools.product(comparison.satellites, comparison.modes))
+    teams = {satellite: line_up(comparison, satellite, learned) for satellite in comparison.satellites}
     records: list[dict[str, Any]] = []
     pairs: list[dict[str, Any]] = []
     bounds: list[dict[str, Any]] = []
     efficiencies: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
     limits: list[dict[str, Any]] = []
-    bounded = world.estimator == "momentum"
     with (
         ThreadPoolExecutor(os.cpu_count()) as pool,  # planners leave the interpreter's lock for most of their time
-        tqdm(total=sum(map(len, flights.values())), desc="comparing", unit="flight") as bar,
+        tqdm(total=sum(len(teams[satellite]) for satellite, _ in places), desc="comparing", unit="flight") as bar,
     ):
-        for (satellite, mode), policies in flights.items():
-            cell = {"satellite": satellite, "inertia_mode": mode}
-            scores: dict[str, Scores] = {}
-            top = ceiling(satellite, mode, chosen, world) if bounded else None
-            if top is not None:
-                final = top.final_errors()
-                bounds += [{"policy": name, "kind": "bound", **cell, "final_error": final[name]} for name in final]
-                limits += [
-                    {"policy": name, **cell, "error": rounded(series)}
-                    for name, series in (("bound", top.bound), ("ideal", top.ideal))
-                ]
-            bar.set_postfix_str(f"{satellite} {mode}", refresh=False)
-            timers = [TimedPolicy(policy) for policy in policies]
-            pilot = functools.partial(_fly, satellite=satellite, inertia=mode, seeds=chosen, scenario=world)
-            for policy, timed, flight in zip(policies, timers, pool.map(pilot, timers), strict=True):
-                scores[policy.name] = flight.scores()
-                entry = {"policy": policy.name, "kind": policy.kind, **cell, "episodes": len(chosen)}
-                records.append({**entry, **record(scores[policy.name])})
-                curves.append({"policy": policy.name, **cell, **error_bands(flight.error)})
+        cells = [
+            Cell.start(pool, teams[satellite], satellite=satellite, mode=mode, seeds=chosen, scenario=world)
+            for satellite, mode in places
+        ]
+        for pending in (flight for cell in cells for flight in cell.flights):
+            pending.add_done_callback(lambda done: None if done.cancelled() else bar.update())
+        try:
+            while cells:
+                cell = cells.pop(0)  # let go of its flights as soon as they are scored: all of them take much memory
+                where = {"satellite": cell.satellite, "inertia_mode": cell.mode}
+                bar.set_postfix_str(f"{cell.satellite} {cell.mode}", refresh=False)
+                top = cell.ceiling.result() if cell.ceiling else None
                 if top is not None:
-                    reached = top.efficiency(flight.error)
-                    efficiencies.append({"policy": policy.name, **cell, **reached, "decision_ms": timed.decision_ms})
-                bar.update()
-            pairs += [{**match, **cell, **result} for match, result in _matches(policies, scores)]
+                    final = top.final_errors()
+                    bounds += [{"policy": name, "kind": "bound", **where, "final_error": final[name]} for name in final]
+                    series = {"bound": top.bound, "ideal": top.ideal}
+                    limits += [{"policy": name, **where, "error": rounded(series[name])} for name in series]
+                scores: dict[str, Scores] = {}
+                for pilot, pending in zip(cell.pilots, cell.flights, strict=True):
+                    flight = pending.result()
+                    scores[pilot.name] = flight.scores()
+                    entry = {"policy": pilot.name, "kind": pilot.kind, **where, "episodes": len(chosen)}
+                    records.append({**entry, **record(scores[pilot.name])})
+                    curves.append({"policy": pilot.name, **where, **error_bands(flight.error)})
+                    if top is not None:
+                        reached = {**top.efficiency(flight.error), "decision_ms": pilot.decision_ms}
+                        efficiencies.append({"policy": pilot.name, **where, **reached})
+                pairs += [{**match, **where, **result} for match, result in _matches(cell.pilots, scores)]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
+            raise
     satellite, mode = shown = episode_cell(comparison.satellites, comparison.modes)
     names = protagonists([r for r in records if (r["satellite"], r["inertia_mode"]) == shown])
-    pilots = [policy for name in names for policy in flights[shown] if policy.name == name]
+    pilots = [policy for name in names for policy in teams[satellite] if policy.name == name]
     episode = fly_episode(pilots, satellite=satellite, mode=mode, seed=chosen[0], scenario=world)
     instants = world.decision_period * np.arange(1, world.decisions + 1)
     return {
@@ -160,10 +162,6 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
         "efficiencies": efficiencies,
         "curves": {"time": instants.tolist(), "curves": curves, "bounds": limits, "episode": episode},
     }
-
-
-def _fly(policy: Policy, **cell: Any) -> Flight:
-    return fly(policy, **cell, num_threads=1)
 
 
 def _matches(policies: Sequence[Policy], scores: Mapping[str, Scores]) -> list[tuple[dict[str, str], dict[str, float]]]:

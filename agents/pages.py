@@ -18,6 +18,7 @@ from baselines.provenance import write_text
 from baselines.registry import UNTUNED
 from satid_gym.config import Config
 from satid_gym.estimators.settings import MomentumEKFSettings, RateEKFSettings
+from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
@@ -48,7 +49,7 @@ def shown(value: Any) -> str:
     if isinstance(value, tuple | list):
         return " to ".join(shown(v) for v in value)
     if isinstance(value, Mapping):
-        return ", ".join(f"{k}: {v:g}" for k, v in value.items()) or "1"
+        return ", ".join(v if k == "name" else f"{k}: {shown(v)}" for k, v in value.items()) or "1"
     return str(value)
 
 
@@ -80,7 +81,7 @@ def scenarios() -> str:
     said, default = meanings(Scenario), SCENARIOS["default"]
     rows = []
     for field in dataclasses.fields(Scenario):
-        if field.name in ("name", "laws"):
+        if field.name in ("name", "laws", "faults"):  # the last two have tables of their own
             continue
         values = [getattr(s, field.name) for s in SCENARIOS.values()]
         cells = [
@@ -97,7 +98,14 @@ def laws() -> str:
         [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
         for name in _names(LawRanges)
     ]
-    return markdown(["range", "default, tight", "paper, benchmark", "meaning"], rows)
+    return markdown(["range", "default, tight, faults", "paper, benchmark", "meaning"], rows)
+
+
+def faults() -> str:
+    """Settings of faults: none, and those of the scenario that has them."""
+    said, none, given = meanings(Faults), Faults(), SCENARIOS["faults"].faults
+    rows = [[f"`{n}`", shown(getattr(none, n)), shown(getattr(given, n)), said[n]] for n in _names(Faults)]
+    return markdown(["setting", "default", "scenario faults", "meaning"], rows)
 
 
 def settings(cls: type[Config]) -> str:
@@ -127,7 +135,7 @@ def baselines() -> str:
 
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
-    "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws},
+    "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws, "faults": faults},
     "estimators.md": {
         "momentum": lambda: settings(MomentumEKFSettings),
         "rate": lambda: settings(RateEKFSettings),

@@ -57,13 +57,13 @@ class Pilot:
         self._note()
 
     def _note(self) -> None:
-        places, before = self.env.layout, self.history["information"]
+        places, gained = self.env.layout, self.history["information"]
         self.history["relative_error"].append(self.info["relative_error"])
         for name in ("rate", "wheel_speed"):
             self.history[name].append(self._observation[places[name]].copy())
         self.history["std"].append(10.0 ** (self._observation[places["uncertainty"]][:3].astype(float) - 2.0))
         self.history["cost"].append(self.info["cost"])
-        before.append((before[-1] if before else 0.0) + self.info["information_gain"])
+        gained.append((gained[-1] if gained else 0.0) + self.info["information_gain"])
 
     @property
     def name(self) -> str:

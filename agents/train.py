@@ -107,8 +107,9 @@ class Run:
             scenario=settings.scenario,
             reward=settings.reward,
         )
-        self.env.seed(seeds("training", 1, settings.seed * settings.num_envs)[0])
         self.model = self._new_model()
+        # after the model, which has seeded the environments in its own way: runs 0 and 1 would share all but one
+        self.env.seed(seeds("training", settings.num_envs, settings.seed * settings.num_envs)[0])
         self.model.after_update = self._after_update
         self.curve: list[dict[str, Any]] = []
         self.best = np.inf
@@ -265,9 +266,7 @@ def _base(arguments: list[str]) -> TrainSettings:
     try:
         return TrainSettings.from_dict(head["settings"])
     except (TypeError, AttributeError) as error:
-        raise ValueError(
-            f"{known.run / 'run.json'} holds settings that are none ({error}): start the run again"
-        ) from error
+        raise ValueError(f"{known.run / 'run.json'} holds no settings ({error}): start the run again") from error
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -183,7 +183,7 @@ def _build_decide_many(fingerprint):
                 _walk_truth(plant, steps[i, s])
                 episode.sample(plant, task, work[0], report)
                 episode.predict(belief, work[0], plant.tachometer, task.sample_period)
-                report.nis = episode.condition(belief, work[0], plant.gyro, plant.tachometer)
+                report.nis = episode.take_reading(plant, belief, work[0])
                 _note(
                     first + s, plant, belief, momentum[i], rate[i], wheel_speed[i], inertia[i], torque[i], gyro[i],
                     tachometer[i], theta[i], covariance[i], attitude[i],

@@ -10,7 +10,7 @@ from typing import Any
 
 from baselines.greedy import GreedyPolicy
 from baselines.mpc import MPCPolicy
-from baselines.open_loop_optimal import OpenLoopOptimalPolicy
+from baselines.open_loop_optimal import PREPARED_AS, OpenLoopOptimalPolicy
 from baselines.rate_square import RateSquarePolicy
 from baselines.scripted import ScriptedPolicy, staggered_square
 from baselines.simple import RandomPolicy, ZeroPolicy
@@ -68,7 +68,7 @@ def tuned_entry(name: str, satellite: str, scenario: str = "default") -> dict[st
     """
     if name not in BASELINES:
         raise unknown_name("baseline", name, BASELINES)
-    entries = _entries()
+    entries, scenario = _entries(), PREPARED_AS.get(scenario, scenario)
     if (name, satellite, scenario) not in entries:
         tuned = sorted({key[1:] for key in entries if key[0] == name})
         raise ValueError(

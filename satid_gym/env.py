@@ -48,7 +48,12 @@ INFO_KEYS = (
     "saturated",
     "torque_applied",
     "guarded",
+    "rejected",
+    "faults",
 )
+
+
+FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
 
 
 def make_spaces(p: Problem, parameters: int) -> tuple[spaces.Box, spaces.Box]:
@@ -183,6 +188,9 @@ where positive |
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque, N m |
     | guarded | filter updates shortened so far to keep the estimate positive definite |
+    | rejected | gyro readings that the filter has not believed so far |
+    | faults | (5,) whether a fault acted in the decision: gyro dropout, gyro outlier, stuck tachometer, loss of \
+motor torque, delayed commands |
 
     ## Arguments
     Each takes a name, a mapping of plain values, or the dataclass behind it.
@@ -191,7 +199,8 @@ where positive |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "random", a `Satellite`, or a list to draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
-    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", or a `Scenario` |
+    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", "faults", or a \
+`Scenario` |
     | estimator | "momentum" | "momentum", "rate", their settings, or any object that follows `Estimator` |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
@@ -371,8 +380,7 @@ where positive |
         report = self._reports[0]
         info = {key: report[key] for key in INFO_KEYS}
         info = {k: v.copy() if isinstance(v, np.ndarray) else v.item() for k, v in info.items()}
-        info["saturated"] = info["saturated"].astype(bool)
-        return info
+        return info | {key: info[key].astype(bool) for key in FLAGS}
 
     # An estimator that is not compiled: the same decision, one sample at a time.
 
@@ -387,6 +395,8 @@ where positive |
         assert self._foreign is not None
         plant, task, report = self._plants[0], self._tasks[0], self._reports[0]
         kernels.command(self._plants, self._tasks, self._work, self._reports, action)
+        if hasattr(self._foreign, "command"):
+            self._foreign.command(self._work["torque"][0].copy())
         first = self._spread()
         gain = 0.0
         for _ in range(task["samples"]):
@@ -394,6 +404,10 @@ where positive |
             gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()
             self._foreign.predict(wheel_speed, float(task["sample_period"]))
             self._take_belief()
+            self._beliefs["unread"] = plant["gyro_flagged"]
+            if plant["gyro_flagged"]:
+                report["nis"] = 0.0
+                continue
             before = self._spread()
             report["nis"] = self._foreign.update(gyro, wheel_speed)
             self._take_belief()

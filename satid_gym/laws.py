@@ -1,9 +1,9 @@
 """How the true inertia varies in flight: J(t) = J0 + f(t) change.
 
-static    f = 0
-step      f = 0 before `time`, 1 from then on        (deployment)
-drift     f = t / time                               (fuel)
-periodic  f = sin(2 pi frequency t + phase)          (slosh)
+    static    f = 0
+    step      f = 0 before `time`, 1 from then on        (deployment)
+    drift     f = t / time up to `time`, then 1          (fuel)
+    periodic  f = sin(2 pi frequency t + phase)          (slosh)
 
 The change is a fraction of J0, or a tensor of its own.
 """

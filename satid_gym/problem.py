@@ -16,6 +16,7 @@ from satid_gym.core.records import draw_dtype, task_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.belief import new_belief
 from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
+from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES, InertiaLaw, LawRanges
 from satid_gym.plant import new_plant
 from satid_gym.reward import CRITERIA, RewardSettings, reward_settings
@@ -181,6 +182,8 @@ def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> t
     plant["torque_lag"] = scenario.torque_lag
     plant["gyro_noise_std"], plant["gyro_bias_walk"] = operating.gyro_noise_std, scenario.gyro_bias_walk
     plant["tachometer_noise_std"] = operating.tachometer_noise_std
+    plant["outlier_probability"] = scenario.faults.gyro_outlier
+    plant["outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
     briefing = brief(satellite, scenario)
     beliefs = new_belief(briefing, p.estimator)
     tasks = _task(p, operating, briefing.inertia)
@@ -227,7 +230,19 @@ def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None) -> np.ndarra
         draw["law_size"], draw["law_time"] = law.size, law.time
         draw["law_frequency"], draw["law_phase"] = law.frequency, law.phase
         draw["change_given"] = law.change is not None
+    _write_faults(draw, scenario.faults, scenario.horizon)
     return rows
+
+
+def _write_faults(draw: np.void, faults: Faults, horizon: float) -> None:
+    draw["faulty"] = faults.possible
+    draw["fault_time"] = [horizon * x for x in faults.time]
+    draw["dropout_probability"], draw["dropout_silent"] = faults.gyro_dropout, faults.gyro_dropout_silent
+    draw["dropout_duration"] = faults.gyro_dropout_duration
+    draw["bias_std"] = faults.gyro_bias_std
+    draw["stuck_probability"], draw["stuck_duration"] = faults.tachometer_stuck, faults.tachometer_stuck_duration
+    draw["loss_probability"], draw["loss_size"] = faults.wheel_loss, faults.wheel_loss_size
+    draw["torque_delay"] = faults.torque_delay
 
 
 def _write_ranges(draw: np.void, laws: LawRanges, horizon: float) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
-from satid_gym.config import Config, check_number
+from satid_gym.config import Config, check_number, unknown_name
+from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
 
+_FILTERS = ("momentum", "rate")  # their settings are in satid_gym.estimators
 _MOST_SAMPLES = 100_000  # a decision
 _MOST_DECISIONS = 1_000_000_000  # an episode
 
@@ -44,7 +46,8 @@ class Scenario(Config):
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
-        estimator: name of the filter that is the scenario's default.
+        estimator: the filter that is the scenario's default: its name, or a mapping with its settings.
+        faults: what can go wrong with sensors and wheels.
 
     Raises:
         ValueError: a value is out of range, or the periods do not divide.
@@ -75,7 +78,8 @@ class Scenario(Config):
     random_attitude: bool = True
     rate_limit: float | None = None
     termination_factor: float = 3.0
-    estimator: Literal["momentum", "rate"] = "momentum"
+    estimator: str | Mapping[str, Any] = "momentum"
+    faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -90,15 +94,27 @@ class Scenario(Config):
         for name in ("gyro_noise_std", "tachometer_noise_std"):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name))
+        filter_name = self.estimator.get("name") if isinstance(self.estimator, Mapping) else self.estimator
+        if filter_name not in _FILTERS:
+            raise unknown_name("estimator", filter_name, _FILTERS)
         if self.rate_limit is not None:
             check_number("rate_limit", self.rate_limit, strict=True)
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
         if isinstance(self.laws, Mapping):
             object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
-        if not isinstance(self.laws, LawRanges):
-            raise ValueError(f"laws must be LawRanges or a mapping of its settings, got {self.laws!r}")
+        if isinstance(self.faults, Mapping):
+            object.__setattr__(self, "faults", Faults.from_dict(self.faults))
+        for name, kind in (("laws", LawRanges), ("faults", Faults)):
+            if not isinstance(getattr(self, name), kind):
+                raise ValueError(
+                    f"{name} must be {kind.__name__} or a mapping of its settings, got {getattr(self, name)!r}"
+                )
         _whole("decision_period / sample_period", self.decision_period / self.sample_period, _MOST_SAMPLES)
         _whole("horizon / decision_period", self.horizon / self.decision_period, _MOST_DECISIONS)
+        if self.faults.torque_delay[1] > self.samples:
+            raise ValueError(
+                f"torque_delay must be at most a decision, {self.samples} samples, got {self.faults.torque_delay}"
+            )
 
     @property
     def samples(self) -> int:
@@ -157,6 +173,20 @@ SCENARIOS: dict[str, Scenario] = {
             random_attitude=False,
             rate_limit=0.5,
             estimator="rate",
+        ),
+        Scenario(
+            name="faults",
+            gyro_bias_walk=1e-6,
+            estimator={"name": "momentum", "gate": 1e-6},
+            faults=Faults(
+                gyro_dropout=0.5,
+                gyro_dropout_silent=0.5,
+                gyro_outlier=0.005,
+                gyro_bias_std=2e-5,
+                tachometer_stuck=0.5,
+                wheel_loss=0.3,
+                torque_delay=(0, 3),
+            ),
         ),
     )
 }

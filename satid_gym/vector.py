@@ -18,7 +18,16 @@ from gymnasium.vector.utils import batch_space
 from satid_gym.config import check_flag, check_whole, unknown_name
 from satid_gym.core import episode
 from satid_gym.core.records import report_dtype
-from satid_gym.env import BROKEN, DRAW_FAILED, INFO_KEYS, make_spaces, option_templates, real_action, seed_stream
+from satid_gym.env import (
+    BROKEN,
+    DRAW_FAILED,
+    FLAGS,
+    INFO_KEYS,
+    make_spaces,
+    option_templates,
+    real_action,
+    seed_stream,
+)
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.problem import (
@@ -258,7 +267,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _infos(self, reports: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}
         for key in INFO_KEYS:
-            value = reports[key].astype(bool) if key == "saturated" else reports[key].copy()
+            value = reports[key].astype(bool) if key in FLAGS else reports[key].copy()
             if not mask.all():
                 value[~mask] = 0
             infos[key], infos[f"_{key}"] = value, mask.copy()

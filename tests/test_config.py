@@ -207,7 +207,7 @@ def test_paper_satellites():
 
 
 def test_scenarios():
-    assert sorted(SCENARIOS) == ["default", "paper", "tight"]
+    assert sorted(SCENARIOS) == ["default", "faults", "paper", "tight"]
     default, tight, paper = SCENARIOS["default"], SCENARIOS["tight"], SCENARIOS["paper"]
     assert (default.decisions, default.samples, paper.samples) == (300, 10, 1)
     microsat = SATELLITES["microsat"]
@@ -218,6 +218,8 @@ def test_scenarios():
     assert brief(microsat, paper).inertia[0, 0] == pytest.approx(0.85 * 6.53)
     assert problem(scenario="paper").estimator == RateEKFSettings()
     assert problem().estimator == MomentumEKFSettings()
+    assert problem(scenario="faults").estimator == MomentumEKFSettings(gate=1e-6)
+    assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
 
 
 def test_arrays_of_settings_cannot_be_changed():

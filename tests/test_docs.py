@@ -13,8 +13,12 @@ import tomllib
 import warnings
 
 import pytest
+import torch
 import tyro
 
+import baselines
+import satid_gym
+import satid_gym.estimators
 from agents import pages
 from agents.readme import ROOT
 from agents.settings import TrainSettings
@@ -29,13 +33,14 @@ PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTIN
 def blocks(text, language):
     """Fenced blocks of one language, "" for those without."""
     return [
-        body for kind, body in re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.DOTALL | re.M) if kind == language
+        body for kind, body in re.findall(r"^```(.*?)\n(.*?)^```$", text, flags=re.DOTALL | re.M) if kind == language
     ]
 
 
 def commands(text):
     """Command lines of the blocks, and of inline code what has options and none left out."""
     lines = [line for language in ("", "bash", "sh") for block in blocks(text, language) for line in block.splitlines()]
+    lines += re.findall(r"^    ((?:python -m|make|pip) .*)$", text, flags=re.M)  # blocks by indentation
     inline = (
         " ".join(code.split())
         for code in re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.M))
@@ -48,6 +53,11 @@ COMMANDS = sorted({shlex.join(words) for text in PAGES.values() for words in com
 
 
 # code
+
+
+@pytest.fixture(autouse=True)
+def _one_thread_for_torch():
+    torch.set_num_threads(1)  # the tests run side by side: threads that wait for each other's cores take a minute
 
 
 @pytest.mark.parametrize("page", [page for page, text in PAGES.items() if blocks(text, "python")])
@@ -121,7 +131,7 @@ def has_options(module):
     spec = importlib.util.find_spec(module)
     if spec.submodule_search_locations:
         spec = importlib.util.find_spec(f"{module}.__main__")
-    return re.search(r"tyro\.cli\(|ArgumentParser\(", (ROOT / spec.origin).read_text()) is not None
+    return re.search(r"tyro\.cli\(|ArgumentParser\(|\.main\(", (ROOT / spec.origin).read_text()) is not None
 
 
 def extras(requirement):
@@ -148,7 +158,9 @@ def test_command_exists(command, tmp_path, monkeypatch):
         assert program == "python", f"{command}: no check for {program}; add one to this test"
         module, arguments = rest[1], rest[2:]
         assert importlib.util.find_spec(module), f"there is no module {module}"
-        if not has_options(module):
+        if module == "pytest":
+            assert [path for path in arguments if (ROOT / path).exists()] == arguments
+        elif not has_options(module):
             assert not arguments, f"{module} takes no options"
         elif arguments:
             monkeypatch.chdir(tmp_path)
@@ -225,7 +237,18 @@ def test_argument_tables_are_the_signatures():
     ]  # fmt: skip
 
 
-# the site's own tools
+# the reference, and the site's own tools
+
+
+@pytest.mark.parametrize("package", [satid_gym, satid_gym.estimators, baselines])
+def test_reference_has_the_home_of_every_public_name(package):
+    reference = "".join(path.read_text() for path in (ROOT / "docs" / "api").glob("*.md"))
+    shown = set(re.findall(r"^::: ([\w.]+)$", reference, flags=re.M))
+    for name in package.__all__:
+        value = getattr(package, name)
+        home = getattr(value, "__module__", None) or getattr(value, "__name__", package.__name__)
+        if inspect.isclass(value) or inspect.isroutine(value):
+            assert shown & {home, f"{home}.{name}"}, f"{home}.{name} is in no page of docs/api"
 
 
 def tool(name):

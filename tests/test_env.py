@@ -61,7 +61,14 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, {"satellite": "random"}, {"scenario": "paper"}, {"scenario": "tight"}, {"estimator": "rate"}],
+    [
+        {},
+        {"satellite": "random"},
+        {"scenario": "paper"},
+        {"scenario": "tight"},
+        {"scenario": "faults"},
+        {"estimator": "rate"},
+    ],
     ids=str,
 )
 def test_gymnasiums_and_sb3s_checkers_have_nothing_to_say(settings):

@@ -5,17 +5,17 @@ import pytest
 from scipy.stats import binom
 
 from satid_gym.metrics import iqm
-from tests.interval_coverage import LEAST, MOST, SYNTHETIC, misses
+from tests.interval_coverage import LEAST, SYNTHETIC, misses
 
 SIMULATIONS = 60
 
 
-@pytest.mark.parametrize("name", [name for name, population in SYNTHETIC.items() if population.judged])
+@pytest.mark.parametrize("name", SYNTHETIC)
 def test_intervals_cover_what_they_are_about(name):
-    # fewer than 5 in a million runs leave these limits where the coverage keeps 93 to 97 %
-    least, most = binom.ppf(5e-6, SIMULATIONS, LEAST), binom.ppf(1 - 5e-6, SIMULATIONS, MOST)
+    # fewer than 5 in a million runs fall below this where the coverage is 93 %; 60 are too few to tell 97 % from all
+    least = binom.ppf(5e-6, SIMULATIONS, LEAST)
     for statistic, (above, below) in misses(SYNTHETIC[name], 100, SIMULATIONS, seed=3).items():
-        assert least <= SIMULATIONS - above - below <= most, statistic
+        assert SIMULATIONS - above - below >= least, statistic
 
 
 @pytest.mark.parametrize("name", SYNTHETIC)

@@ -44,7 +44,7 @@ def law_factor(plant, t):
     if plant.law == STEP:
         return np.float64(plant.stepped)
     if plant.law == DRIFT:
-        return t / plant.law_time
+        return min(t / plant.law_time, 1.0)
     if plant.law == PERIODIC:
         return np.sin(2.0 * np.pi * plant.law_frequency * t + plant.law_phase)
     return 0.0
@@ -54,7 +54,7 @@ def law_factor(plant, t):
 def law_slope(plant, t):
     """df/dt between steps, 1/s."""
     if plant.law == DRIFT:
-        return 1.0 / plant.law_time
+        return 1.0 / plant.law_time if t < plant.law_time else 0.0
     if plant.law == PERIODIC:
         w = 2.0 * np.pi * plant.law_frequency
         return w * np.cos(w * t + plant.law_phase)
@@ -306,14 +306,15 @@ def _limit_speeds(plant):
 def advance(plant, torque, duration):
     """Move the plant on by `duration` seconds of constant motor torque (n,), already within its limit.
 
-    One Runge-Kutta step, or several where J steps or a wheel reaches its speed limit on the way.
+    One Runge-Kutta step, or several where J steps, its drift ends or a wheel reaches its limit on the way.
     """
     end = plant.time + duration
     events = 0
     while plant.time < end:
         _hold_or_release(plant, torque, events > _MOST_EVENTS)
         stop = end
-        if plant.law == STEP and plant.stepped == 0 and plant.law_time < end:
+        bends = plant.law == DRIFT and plant.time < plant.law_time
+        if (bends or (plant.law == STEP and plant.stepped == 0)) and plant.law_time < end:
             stop = plant.law_time
         h = stop - plant.time
         m, q, wheels = _rk4(plant, torque, h)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core import momentum_filter, rate_filter
+from satid_gym.core import faults, momentum_filter, rate_filter
 from satid_gym.core.algebra import factor, mahalanobis, store_symmetric
 from satid_gym.core.dynamics import inertia_at, spin_momentum, travel
 from satid_gym.core.generator import draw_plant
@@ -37,6 +37,8 @@ def command(plant, task, work, report, action):
     report.effort = effort
     report.information_gain = 0.0
     report.cost = 0.0
+    for f in range(report.faults.shape[0]):
+        report.faults[f] = 0
     for i in range(3):
         report.peak_rate[i] = 0.0
 
@@ -45,7 +47,11 @@ def command(plant, task, work, report, action):
 def sample(plant, task, work, report):
     """Move the truth on by one sample period and read the sensors."""
     dt = task.sample_period
-    drive_motors(plant, work.torque, dt)
+    if plant.faulty != 0:
+        faults.delay_command(plant, work.torque)
+        drive_motors(plant, plant.torque_obeyed, dt)
+    else:
+        drive_motors(plant, work.torque, dt)
     end = (np.round(plant.time / dt) + 1.0) * dt  # so that rounding does not pile up
     travel(plant, plant.motor_torque, end - plant.time)
     plant.time = end
@@ -59,6 +65,8 @@ def sample(plant, task, work, report):
         report.cost += 1.0
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])
+    if plant.faulty != 0:
+        faults.note(plant, report)
 
 
 @inline
@@ -76,6 +84,17 @@ def condition(belief, work, gyro, tachometer):
     if belief.kind == MOMENTUM:
         return momentum_filter.condition(belief, work, gyro) / 3.0
     return rate_filter.condition(belief, work, gyro, tachometer) / (3.0 + tachometer.shape[0])
+
+
+@inline
+def take_reading(plant, belief, work):
+    """Update the belief with the present readings, if the gyro has one; normalised innovation squared, else 0."""
+    if plant.gyro_flagged != 0:
+        belief.unread = 1
+        return 0.0
+    if belief.gate == 0.0:
+        belief.unread = 0
+    return condition(belief, work, plant.gyro, plant.tachometer)
 
 
 @inline
@@ -107,7 +126,7 @@ def assess(plant, belief, work, report):
     else:
         belief.broken = 1
         report.nees = np.nan
-    report.guarded = belief.guarded
+    report.guarded, report.rejected = belief.guarded, belief.rejected
     report.time = plant.time
 
 
@@ -141,7 +160,7 @@ def decide(plant, belief, task, work, report, action, observation):
             first = spread(belief, work, task.criterion)
         predict(belief, work, plant.tachometer, task.sample_period)
         before = spread(belief, work, task.criterion)
-        report.nis = condition(belief, work, plant.gyro, plant.tachometer)
+        report.nis = take_reading(plant, belief, work)
         last = spread(belief, work, task.criterion)
         report.information_gain += before - last
     if task.net != 0:
@@ -159,6 +178,8 @@ def begin(draw, plant, belief, task, work, report, observation):
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = 0
         report.torque_applied[k] = 0.0
+    for f in range(report.faults.shape[0]):
+        report.faults[f] = 0
     report.reward = 0.0
     report.terminated = report.truncated = 0
     report.nis = report.information_gain = report.information_held = report.cost = report.effort = 0.0

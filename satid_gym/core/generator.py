@@ -84,6 +84,38 @@ def _draw_body(draw, plant):
 
 
 @inline
+def _happens(probability, stream):
+    """Whether a fault happens in the episode; one that cannot draws nothing."""
+    return probability > 0.0 and uniform(stream) < probability
+
+
+@inline
+def _draw_faults(draw, plant):
+    """Write what goes wrong in the episode, and when; what does not has no end, no wheel or no delay."""
+    stream, n = plant.stream, plant.locked.shape[0]
+    first, last = draw.fault_time[0], draw.fault_time[1]
+    plant.faulty = 1
+    plant.stuck_wheel = plant.weak_wheel = -1
+    if _happens(draw.dropout_probability, stream):
+        plant.dropout[0] = between(stream, first, last)
+        plant.dropout[1] = plant.dropout[0] + between(stream, draw.dropout_duration[0], draw.dropout_duration[1])
+        plant.dropout_silent = 1 if _happens(draw.dropout_silent, stream) else 0
+    if _happens(draw.stuck_probability, stream):
+        plant.stuck_wheel = np.int64(n * uniform(stream))
+        plant.stuck[0] = between(stream, first, last)
+        plant.stuck[1] = plant.stuck[0] + between(stream, draw.stuck_duration[0], draw.stuck_duration[1])
+    if _happens(draw.loss_probability, stream):
+        plant.weak_wheel = np.int64(n * uniform(stream))
+        plant.weak_start = between(stream, first, last)
+        plant.torque_left = 1.0 - between(stream, draw.loss_size[0], draw.loss_size[1])
+    if draw.torque_delay[1] > 0:
+        plant.torque_delay = np.int64(between(stream, draw.torque_delay[0], draw.torque_delay[1] + 1))
+    if draw.bias_std > 0.0:
+        for i in range(3):
+            plant.gyro_bias[i] += draw.bias_std * normal(stream)
+
+
+@inline
 def draw_plant(draw, plant):
     """Turn the nominal `plant` into a drawn one, by its own stream; False where no inertia is physical.
 
@@ -111,4 +143,6 @@ def draw_plant(draw, plant):
             plant.attitude[i] /= np.sqrt(norm)
     set_momenta(plant)
     set_speeds(plant)
+    if draw.faulty != 0:
+        _draw_faults(draw, plant)
     return True

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from satid_gym.core import vetting
 from satid_gym.core.algebra import (
     add,
     add_diagonal,
@@ -58,10 +59,20 @@ def start(belief, work, gyro, tachometer):
     """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
     start_theta(belief)
     p = belief.prior_theta.shape[0]
-    omega, a = load(gyro), wheel_momentum(belief, tachometer)
+    store(belief.wheel_input, wheel_momentum(belief, tachometer))
+    vetting.begin(belief, gyro, tachometer)
+    for i in range(3):
+        belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
+    _start_momentum(belief, work, gyro)
+
+
+@inline
+def _start_momentum(belief, work, gyro):
+    """M = J omega + a of one reading, with what is known of theta and with nothing of M before."""
+    p = belief.prior_theta.shape[0]
+    omega, a = load(gyro), load(belief.wheel_input)
     inertia = estimated_inertia(belief)
     store(belief.mean, add(multiply(inertia, omega), a))
-    store(belief.wheel_input, a)
     covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
     identity[:, :] = 0.0
     identity[0, 0] = identity[1, 1] = identity[2, 2] = 1.0
@@ -71,14 +82,17 @@ def start(belief, work, gyro, tachometer):
     moment = work.jacobian[1]
     store_symmetric(moment, axpy_symmetric(1.0, noise, load_symmetric(belief.wheel_momentum_covariance)))
     for i in range(3):
+        for j in range(p + 3):
+            total = 0.0
+            for k in range(p):
+                total += regressor[i, k] * covariance[3 + k, 3 + j]
+            covariance[i, 3 + j] = covariance[3 + j, i] = total
+    for i in range(3):
         for j in range(3):
             total = moment[i, j]
             for k in range(p):
-                total += regressor[i, k] * covariance[3 + k, 3 + k] * regressor[j, k]
+                total += covariance[i, 3 + k] * regressor[j, k]
             covariance[i, j] = total
-        for k in range(p):
-            covariance[i, 3 + k] = covariance[3 + k, i] = regressor[i, k] * covariance[3 + k, 3 + k]
-        covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
 
 
 @inline
@@ -101,7 +115,12 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p = belief.prior_theta.shape[0]
     flexibility = inverse(estimated_inertia(belief))
-    before, after = load(belief.wheel_input), wheel_momentum(belief, tachometer)
+    if belief.gate > 0.0:
+        vetting.vet_tachometers(belief, tachometer, work.torque, dt)
+        after = wheel_momentum(belief, belief.speed)
+    else:
+        after = wheel_momentum(belief, tachometer)
+    before = load(belief.wheel_input)
     per_step = 1.0 / belief.substeps
     h = dt * per_step
     noise = congruence(flexibility, load_symmetric(belief.wheel_momentum_covariance))
@@ -118,6 +137,8 @@ def predict(belief, work, tachometer, dt):
         _write_transition(work, p, h)
         propagate(belief, work, h)
         _add_tachometer_noise(belief, work, middle, noise, h * dt)
+    if belief.gate > 0.0:
+        vetting.loosen(belief, flexibility, dt)
     store(belief.wheel_input, after)
 
 
@@ -169,6 +190,31 @@ def condition(belief, work, gyro):
     omega is far from linear in theta there, and what one linearisation leaves is never forgotten.
     Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
     """
+    gated = belief.gate > 0.0
+    if gated and vetting.is_repeated(belief, gyro):
+        return 0.0
+    _linearise(belief, work, gyro)
+    if gated:
+        verdict = vetting.ANEW
+        if not vetting.is_lost(belief):
+            verdict = vetting.refuse(belief, work, 3 + belief.prior_theta.shape[0])
+        if verdict > 0.0:
+            return verdict
+        if verdict == vetting.ANEW:
+            _start_momentum(belief, work, gyro)
+            belief.unread = belief.vouched = 0
+            return 0.0
+    belief.unread, belief.vouched = 0, 1
+    momentum = load(belief.mean)
+    nis = _update(belief, work, gyro)
+    if gated:
+        vetting.follow_dead_wheels(belief, momentum)
+    return nis
+
+
+@inline
+def _update(belief, work, gyro):
+    """Update by the reading, which is linearised about the mean in work."""
     p = belief.prior_theta.shape[0]
     size = belief.mean.shape[0]
     iterations = 1
@@ -176,7 +222,6 @@ def condition(belief, work, gyro):
         if belief.covariance[3 + k, 3 + k] > (_COARSE * belief.mean[3 + k]) ** 2:
             iterations = _ITERATIONS
     if iterations == 1:
-        _linearise(belief, work, gyro)
         return update(belief, work, 3, 3 + p)
     prior_mean, prior, support = work.prior_mean, work.prior_covariance, 3 + p
     for i in range(size):
@@ -184,8 +229,9 @@ def condition(belief, work, gyro):
         for j in range(size):
             prior[i, j] = belief.covariance[i, j]
     nis, guarded = 0.0, belief.guarded
-    for _ in range(iterations):
-        _linearise(belief, work, gyro)
+    for iteration in range(iterations):
+        if iteration > 0:
+            _linearise(belief, work, gyro)
         for r in range(3):
             for k in range(support):
                 work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])

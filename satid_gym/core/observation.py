@@ -53,11 +53,13 @@ def observe(belief, task, gyro, tachometer, out):
         momentum, torque = add(multiply(inertia, omega), spin), (0.0, 0.0, 0.0)
     drift = multiply(inverse(inertia), add(cross(momentum, omega), torque))
     decision_period = task.sample_period * task.samples
+    reading = load(gyro) if belief.unread == 0 else omega  # what is known of the rate where the gyro says nothing
     i = 0
     for k in range(3):
-        i = _write(out, i, gyro[k] / task.rate_limit)
+        i = _write(out, i, reading[k] / task.rate_limit)
     for k in range(n):
-        i = _write(out, i, tachometer[k] / task.wheel_speed_max[k])
+        speed = tachometer[k] if belief.dead[k] == 0 else belief.speed[k]
+        i = _write(out, i, speed / task.wheel_speed_max[k])
     for k in range(p):
         i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
     for k in range(p):

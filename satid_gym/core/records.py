@@ -15,6 +15,7 @@ from numpy.typing import DTypeLike
 STATIC, STEP, DRIFT, PERIODIC = range(4)
 MOMENTUM, RATE = range(2)
 LOGDET, TRACE, MAXEIG = range(3)
+FAULTS = ("gyro_dropout", "gyro_outlier", "tachometer_stuck", "wheel_loss", "torque_delay")
 
 _F, _I, _U = np.float64, np.int64, np.uint64
 Field = tuple[str, DTypeLike] | tuple[str, DTypeLike, int | tuple[int, ...]]
@@ -71,9 +72,32 @@ def plant_dtype(n: int) -> np.dtype:
             # sensor readings at `time`
             ("gyro", _F, 3),
             ("tachometer", _F, n),
+            *_faults(n),
         ],
         align=True,
     )
+
+
+def _faults(n: int) -> list[Field]:
+    """What goes wrong in the episode; the rest is void where `faulty` is 0."""
+    return [
+        ("faulty", _I),
+        ("dropout", _F, 2),  # s, between which the gyro delivers nothing new
+        ("dropout_silent", _I),  # 1: and does not say so
+        ("outlier_probability", _F),  # by sample
+        ("outlier_size", _F, 2),  # rad/s
+        ("stuck_wheel", _I),
+        ("stuck", _F, 2),  # s, between which its tachometer repeats itself
+        ("weak_wheel", _I),
+        ("weak_start", _F),  # s
+        ("torque_left", _F),  # part of the motor torque that the weak wheel still gives
+        ("torque_delay", _I),  # samples
+        ("delay_left", _I),  # samples until torque_waiting is obeyed
+        ("torque_waiting", _F, n),  # last command
+        ("torque_obeyed", _F, n),  # command that the motors follow
+        ("gyro_flagged", _I),  # 1: the gyro says that its reading is no new one
+        ("spiked", _I),  # 1: the reading is an outlier
+    ]
 
 
 def belief_dtype(n: int, p: int, size: int) -> np.dtype:
@@ -101,6 +125,18 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("wheel_input", _F, max(3, n)),  # last A j Omega (3) for MOMENTUM, last Omega (n) for RATE
             ("guarded", _I),  # updates shortened because the inertia would have left its physical range
             ("broken", _I),  # 1 once the covariance was not positive definite
+            ("unread", _I),  # 1: there is no gyro reading of this instant that the filter believes
+            # which readings are believed, see core.vetting; gate 0: all
+            ("gate", _F),  # normalised innovation squared beyond which a reading is refused
+            ("refusals", _I),  # in a row
+            ("vouched", _I),  # 1: a reading has agreed with the one that M was started with
+            ("rejected", _I),  # readings refused or found to be no new ones
+            ("last_gyro", _F, 3),
+            ("last_speed", _F, n),  # of the tachometers
+            ("speed", _F, n),  # that the filter goes by
+            ("dead", _I, n),  # 1: the tachometer repeats itself; 2: did so until this reading
+            ("blind", _I),  # samples for which a tachometer and the gyro had nothing to say
+            ("torque_max", _F, n),
         ],
         align=True,
     )
@@ -156,6 +192,8 @@ def report_dtype(n: int) -> np.dtype:
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision
             ("torque_applied", _F, n),
             ("guarded", _I),
+            ("rejected", _I),
+            ("faults", np.int8, len(FAULTS)),  # 1: acted in the decision
             # tallies of the decision under way
             ("peak_rate", _F, 3),  # largest measured |rate|
             ("spin_start", _F, n),
@@ -180,6 +218,18 @@ def draw_dtype() -> np.dtype:
             ("law_frequency", _F, 2),
             ("law_phase", _F, 2),
             ("change_given", _I),  # 1: `plant.change` is an absolute tensor, law_size is not used
+            # faults: probabilities, and ranges low and high
+            ("faulty", _I),  # 0: none can happen, and nothing is drawn
+            ("fault_time", _F, 2),  # s
+            ("dropout_probability", _F),
+            ("dropout_silent", _F),
+            ("dropout_duration", _F, 2),  # s
+            ("bias_std", _F),  # rad/s
+            ("stuck_probability", _F),
+            ("stuck_duration", _F, 2),  # s
+            ("loss_probability", _F),
+            ("loss_size", _F, 2),
+            ("torque_delay", _I, 2),  # samples
         ],
         align=True,
     )

@@ -11,6 +11,7 @@ from satid_gym.estimators.settings import (
     EstimatorSettings,
     MomentumEKFSettings,
     disturbance_walk,
+    gate_distance,
     inertia_parameters,
 )
 
@@ -42,6 +43,7 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
         row["walk"][3 : 3 + p] = settings.inertia_walk * scale
         row["walk"][3 + p :] = disturbance_walk(settings, briefing)
         row["substeps"] = settings.substeps
+        row["gate"], row["torque_max"] = gate_distance(settings), wheels.max_torque
     else:
         row["kind"] = RATE
         row["gyro_std"], row["tachometer_std"] = settings.gyro_std, settings.wheel_speed_std

@@ -84,6 +84,10 @@ class CompiledEKF:
         self._brief(briefing)
         kernels.start_filter(self._rows, self._work, self._gyro(gyro), self._speed(wheel_speed))
 
+    def command(self, torque: np.ndarray) -> None:
+        """Take note of the motor torque (n,) commanded from now on, N m; wheels without tachometer follow it."""
+        self._work["torque"][0] = real_array("torque", torque, self._started()["wheel_inertia"].shape)
+
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
         self._started()

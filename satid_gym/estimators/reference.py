@@ -12,6 +12,7 @@ import numpy as np
 import scipy.linalg
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
+from satid_gym.estimators.reference_gate import Vetting
 from satid_gym.estimators.settings import (
     PARAMETER_COUNT,
     PRODUCTS,
@@ -182,18 +183,32 @@ class FilterpyMomentumEKF(_Reference):
         self.filter = self._new_filter()
         self.filter.x, self.filter.P = self.model.start(gyro, wheel_speed)
         self._a = self.model.spin @ wheel_speed
+        self._vetting = Vetting(self.model, gyro, wheel_speed) if self.settings.gate > 0.0 else None
+
+    def command(self, torque: np.ndarray) -> None:
+        """Take note of the motor torque (n,) commanded from now on, N m; wheels without tachometer follow it."""
+        if self._vetting is not None:
+            self._vetting.torque = np.array(torque)
 
     def _new_filter(self) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(dim_x=self.model.size, dim_z=3)
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
+        vetting, flexibility = self._vetting, np.linalg.inv(tensor(self.model.split(self.filter.x)[1]))
+        if vetting is not None:
+            shift = vetting.look(wheel_speed, dt)
+            self.filter.x[:3] += shift
+            self._a = self._a + shift
+            wheel_speed = vetting.speed
         start, end = self._a, self.model.spin @ wheel_speed
         steps = self.settings.substeps
         h = dt / steps
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
             self._predict_step(a0, a1, h, dt)
+        if vetting is not None:
+            self.filter.P[:3, :3] += vetting.freedom(self.filter.x[:3], flexibility, dt)
         self._a = end
 
     def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
@@ -205,6 +220,37 @@ class FilterpyMomentumEKF(_Reference):
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
+        kf, vetting = self.filter, self._vetting
+        if vetting is None:
+            return self._condition(gyro)
+        if vetting.repeated(gyro):
+            return 0.0
+        refused = None if vetting.lost() else vetting.refuse(kf, self._a, gyro)
+        if refused is None:
+            self._start_momentum(gyro)
+            vetting.vouched = False
+            return 0.0
+        if refused > 0.0:
+            return refused / 3.0
+        vetting.vouched = True
+        before = kf.x[:3].copy()
+        nis = self._condition(gyro)
+        shift = vetting.attribute(kf.x[:3] - before)
+        kf.x[:3] += shift
+        self._a = self._a + shift
+        return nis
+
+    def _start_momentum(self, gyro: np.ndarray) -> None:
+        """M = J omega + a, with what is known of theta and nothing of M before."""
+        x, covariance, p = self.filter.x, self.filter.P, self.model.p
+        inertia, regress = tensor(x[3 : 3 + p]), regressor(gyro, p)
+        x[:3] = inertia @ gyro + self._a
+        covariance[:3, 3:] = regress @ covariance[3 : 3 + p, 3:]
+        covariance[3:, :3] = covariance[:3, 3:].T
+        noise = inertia @ inertia * self.model.briefing.gyro_noise_std**2 + self.model.spin_covariance
+        covariance[:3, :3] = covariance[:3, 3 : 3 + p] @ regress.T + noise
+
+    def _condition(self, gyro: np.ndarray) -> float:
         kf, model, a = self.filter, self.model, self._a
         prior, covariance = kf.x.copy(), kf.P.copy()
         for _ in range(model.iterations(prior, covariance)):
@@ -221,7 +267,15 @@ class FilterpyMomentumUKF(FilterpyMomentumEKF):
 
     Args:
         **settings: fields of `MomentumEKFSettings`.
+
+    Raises:
+        ValueError: a gate is asked for; this filter has none.
     """
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**settings)
+        if self.settings.gate > 0.0:
+            raise ValueError(f"FilterpyMomentumUKF has no gate: it must be 0, got {self.settings.gate}")
 
     def _new_filter(self) -> UnscentedKalmanFilter:
         size = self.model.size

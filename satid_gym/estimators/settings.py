@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import scipy.stats
 
 from satid_gym.config import Config, check_number, check_whole, unknown_name
 from satid_gym.satellite import ReactionWheels, Satellite, inertia_tensor
@@ -126,6 +127,8 @@ class MomentumEKFSettings(Config):
         disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the
             briefing's.
         substeps: midpoint steps between two readings.
+        gate: probability at which a gyro reading of an honest filter is refused as an outlier; with it sensors
+            that repeat themselves are not believed, see `satid_gym.core.vetting`. 0: every reading is believed.
     """
 
     name: Literal["momentum"] = "momentum"
@@ -133,13 +136,20 @@ class MomentumEKFSettings(Config):
     inertia_walk: float = 0.004
     disturbance_walk: float | None = None
     substeps: int = 1
+    gate: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_number("inertia_walk", self.inertia_walk)
+        check_number("gate", self.gate, high=0.1)
         if self.disturbance_walk is not None:
             check_number("disturbance_walk", self.disturbance_walk)
         check_whole("substeps", self.substeps, high=_MOST_SUBSTEPS)
+
+
+def gate_distance(settings: MomentumEKFSettings) -> float:
+    """Normalised innovation squared of a gyro reading beyond which it is refused; 0 where none is."""
+    return float(scipy.stats.chi2.isf(settings.gate, 3)) if settings.gate > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -75,7 +75,7 @@ def _or(chance: Random, special: Any, value: Any, share: float = 0.3) -> Any:
 
 
 def _rotation(chance: Random) -> np.ndarray:
-    q = np.array([chance.gauss(0.0, 1.0) for _ in range(4)])
+    q = np.clip([chance.gauss(0.0, 1.0) for _ in range(4)], -5.0, 5.0)  # hypothesis knows no bounds
     x, y, z, w = q / max(np.linalg.norm(q), 1e-9)
     turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + 2.0 * w * turn + 2.0 * turn @ turn
@@ -175,8 +175,29 @@ def _scenario(chance: Random, satellite: Settings) -> Settings:
         "rate_limit": _or(chance, None, satellite["rate_limit"] * chance.uniform(0.5, 2.0), 0.7),
         "termination_factor": _log(chance, 1.0, 10.0),
         "estimator": chance.choice(("momentum", "rate")),
+        "faults": _or(chance, {"time": [0.2, 0.6]}, _faults(chance, satellite, samples)),
     }
     return scenario
+
+
+def _faults(chance: Random, satellite: Settings, samples: int) -> Settings:
+    def share() -> float:
+        return _or(chance, 0.0, chance.uniform(0.0, 1.0))
+
+    return {
+        "time": sorted((chance.uniform(0.0, 1.0), chance.uniform(0.0, 1.0))),
+        "gyro_dropout": share(),
+        "gyro_dropout_duration": [1.0, chance.uniform(1.0, 50.0)],
+        "gyro_dropout_silent": share(),
+        "gyro_outlier": 0.1 * share(),
+        "gyro_outlier_size": [10.0, _log(chance, 10.0, 1e4)],
+        "gyro_bias_std": satellite["rate_limit"] * _or(chance, 0.0, _log(chance, 1e-4, 0.1)),
+        "tachometer_stuck": share(),
+        "tachometer_stuck_duration": [1.0, chance.uniform(1.0, 50.0)],
+        "wheel_loss": share(),
+        "wheel_loss_size": [0.0, chance.uniform(0.0, 1.0)],
+        "torque_delay": [0, chance.randrange(samples + 1)],
+    }
 
 
 def _ranges(chance: Random) -> Settings:
@@ -214,6 +235,7 @@ def _estimator(chance: Random, group: Group, satellite: Settings) -> Settings:
             "inertia_walk": _or(chance, 0.0, _log(chance, 1e-4, 0.1)),
             "disturbance_walk": chance.choice((None, 0.0, 1e-3, 0.1)),
             "substeps": chance.choice((1, 1, 2, 5)),
+            "gate": chance.choice((0.0, 0.0, 1e-6, 1e-2)),
         }
     scale, rate = float(np.trace(satellite["inertia"])), satellite["rate_limit"]
     speed = float(np.min(satellite["wheels"]["max_speed"]))

@@ -13,6 +13,7 @@ from tests.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300
 _ROUNDING = 1e-9
+_SINGULAR = 1e-7  # of the correlation's eigenvalues: sensors without noise leave them at rounding
 _FINE = 0.05  # rad, turned between readings, up to which the integrator is exact to rounding
 _COARSE_DRIFT = 1e-6  # of |M| in a sample, where its own error is larger
 
@@ -202,9 +203,9 @@ class _Log:
         std = np.sqrt(np.where(known, 1.0, variance))
         correlation = covariance / (std[:, :, None] * std[:, None, :]) + known[:, :, None] * np.eye(known.shape[1])
         skew = np.abs(correlation - correlation.transpose(0, 2, 1)).max(axis=(1, 2))
-        _demand(skew < _ROUNDING, "the filter's correlation is not symmetric by", skew)
+        _demand(skew < _SINGULAR, "the filter's correlation is not symmetric by", skew)
         least = np.linalg.eigvalsh(correlation)[:, 0]
-        _demand(least > -_ROUNDING, "the filter's correlation has the eigenvalue", least)
+        _demand(least > -_SINGULAR, "the filter's correlation has the eigenvalue", least)
 
     def _drift(self, slack: float) -> float:
         """Largest relative change of |M| over a decision without external torque; 0 where there is one."""

@@ -16,6 +16,7 @@ import numpy as np
 import satid_gym
 from satid_gym import InertiaLaw, LawRanges, ReactionWheels, RewardSettings, Satellite, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import MomentumEKFSettings, RateEKFSettings
+from satid_gym.faults import Faults
 from tests.fuzz.configuration import Configuration, Settings
 from tests.fuzz.flight import Violation
 
@@ -25,6 +26,7 @@ _TYPES: dict[str, Callable[[Settings], Any]] = {
     "satellite.wheels": lambda s: ReactionWheels,
     "scenario": lambda s: Scenario,
     "scenario.laws": lambda s: LawRanges,
+    "scenario.faults": lambda s: Faults,
     "reward": lambda s: RewardSettings,
     "estimator": lambda s: MomentumEKFSettings if s["estimator"]["name"] == "momentum" else RateEKFSettings,
     "inertia": lambda s: InertiaLaw,

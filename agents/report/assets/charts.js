@@ -86,10 +86,10 @@ function showErrors() {
   });
 }
 
-/** Where each label goes, as offsets in pixels: the first of eight places that is free, or null where none is. */
-function placeLabels(points) {
+/** Where each label goes, as offsets in pixels: the first place that is free, not `reserved`, or null where none is. */
+function placeLabels(points, reserved) {
   const places = [[0, -1], [0, 1], [1, 0], [-1, 0], [1, -1], [-1, -1], [1, 1], [-1, 1]];
-  const taken = points.map(({ x, y }) => ({ left: x - 6, right: x + 6, top: y - 6, bottom: y + 6 }));
+  const taken = [...reserved, ...points.map(({ x, y }) => ({ left: x - 6, right: x + 6, top: y - 6, bottom: y + 6 }))];
   return points.map(({ x, y, text, width, height }) => {
     const w = 6.7 * text.length + 4;
     for (const reach of [1, 1.9]) {
@@ -197,12 +197,13 @@ function showTradeOff(id, key, scale, title, line) {
     width,
     height,
   }));
-  const offsets = placeLabels(spots);
+  const mark = line ? place(line, left, right, width) : 0;
+  const offsets = placeLabels(spots, line ? [{ left: mark, right: mark + 60, top: 0, bottom: 20 }] : []);
   figure.annotations = ranked.flatMap((p, i) => (offsets[i] ? [label(p, offsets[i])] : []));
   if (line) {
     figure.annotations.push({
       x: Math.log10(line), y: 1, yref: "paper", text: "1 % line", showarrow: false, xanchor: "left", yanchor: "top",
-      font: { size: 12, color: colour("vermillion") },
+      font: { size: 12, color: colour("ink") },
     });
   }
   Plotly.react(chart, traces, figure, config);

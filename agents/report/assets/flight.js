@@ -301,6 +301,6 @@ function makeViews() {
   byId("flight-note").textContent =
     "The box is to scale. Thin dashed X, Y, Z: inertial axes; x, y, z: body axes; M: total angular momentum, which " +
     "only disturbances can move; \u03c9: body rate. The bars show each rate and each wheel's speed against its limit. The discs are the wheels; they are drawn inside the box, and at " +
-    `10 x they turn ${Math.round(slower / 10)} times slower than in truth. ` +
+    `10\u00a0x they turn ${Math.round(slower / 10)} times slower than in truth. ` +
     (REDUCED.matches ? "As your system asks for less motion, playing shows one still picture a second." : "");
 }

@@ -20,7 +20,7 @@ const COLUMNS = [
     label: "final error\n% [95 %]",
     meaning:
       "Relative error of the estimated inertia over the last 20 % of an episode (the paper's metric), mean over " +
-      "episodes, with its 95 % interval (BCa bootstrap over episodes).",
+      "episodes, with its 95 % interval (studentised bootstrap over episodes).",
     cell: withInterval("final_error"),
   },
   {
@@ -130,11 +130,14 @@ function sortBy(column) {
   showLeaderboard();
 }
 
+/** The head of a column; means over the modes have no intervals. */
+const headOf = (column) => (chosen.mode === "all" ? column.label.replace(" [95 %]", "") : column.label);
+
 function showLeaderboard() {
   const columns = COLUMNS.filter((c) => rows().some((row) => row[c.key] !== null && row[c.key] !== undefined));
   const focused = document.activeElement?.dataset?.key;
   const heads = columns.map((column) => {
-    const button = make("button", { type: "button", title: column.meaning, "data-key": column.key }, column.label);
+    const button = make("button", { type: "button", title: column.meaning, "data-key": column.key }, headOf(column));
     button.addEventListener("click", () => sortBy(column));
     const order = sorting.key !== column.key ? "none" : sorting.descending ? "descending" : "ascending";
     return make("th", { scope: "col", "aria-sort": order, class: column.text ? "text" : null }, button);
@@ -152,7 +155,7 @@ function showLeaderboard() {
   byId("leaderboard-table").tBodies[0].replaceChildren(...body);
   if (focused) document.querySelector(`#leaderboard-table button[data-key="${focused}"]`)?.focus();
   byId("columns").replaceChildren(
-    ...columns.flatMap((c) => [make("dt", {}, c.label.replace("-\n", "").replace("\n", ", ")), make("dd", {}, c.meaning)]),
+    ...columns.flatMap((c) => [make("dt", {}, headOf(c).replace("-\n", "").replace("\n", ", ")), make("dd", {}, c.meaning)]),
   );
 }
 

@@ -1,0 +1,55 @@
+"""A cell of the comparison, one satellite with one inertia mode, while its policies fly."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+
+from baselines.ceiling import Ceiling, ceiling
+from baselines.timing import TimedPolicy
+from satid_gym.evaluation import Flight, fly
+from satid_gym.policy import Policy
+from satid_gym.scenario import Scenario
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cell:
+    """Flights that are under way, or wait for a free core.
+
+    Attributes:
+        satellite, mode: which cell.
+        pilots: the policies, each with a clock.
+        flights: of each of them.
+        ceiling: what the cell allows; None where the scenario's filter is not the MomentumEKF.
+    """
+
+    satellite: str
+    mode: str
+    pilots: Sequence[TimedPolicy]
+    flights: Sequence[Future[Flight]]
+    ceiling: Future[Ceiling] | None
+
+    @classmethod
+    def start(
+        cls,
+        pool: Executor,
+        policies: Sequence[Policy],
+        *,
+        satellite: str,
+        mode: str,
+        seeds: Sequence[int],
+        scenario: Scenario,
+    ) -> Cell:
+        """Hand a cell to the pool; the policies are copied, for cells fly side by side."""
+        pilots = [TimedPolicy(copy.copy(policy)) for policy in policies]
+        episodes = {"satellite": satellite, "inertia": mode, "seeds": seeds, "scenario": scenario, "num_threads": 1}
+        bounded = scenario.estimator == "momentum"
+        return cls(
+            satellite=satellite,
+            mode=mode,
+            pilots=pilots,
+            ceiling=pool.submit(ceiling, satellite, mode, seeds, scenario) if bounded else None,
+            flights=[pool.submit(fly, pilot, **episodes) for pilot in pilots],  # type: ignore[arg-type]
+        )

@@ -1,0 +1,11 @@
+"""The study of faults with the shipped policies beside the baselines: `python -m agents.faults`."""
+
+from __future__ import annotations
+
+import sys
+
+from agents.policies import shipped
+from baselines import faults
+
+if __name__ == "__main__":
+    sys.exit(faults.main(shipped(), "agents.faults"))

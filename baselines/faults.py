@@ -1,0 +1,246 @@
+"""What faults do to filter and policies: `python -m baselines.faults`.
+
+Flies policies through scenario "faults" with one fault at a time, all of them, and none, once with a filter that
+believes every reading and once with the scenario's, which is gated. Prints a table and writes faults.json.
+`python -m agents.faults` flies the shipped policies as well.
+Dropout, stuck tachometer and wheel loss come at 40 % of the horizon in every episode of their rows.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from tqdm import tqdm
+
+from baselines.provenance import command, revision, versions, write_json
+from baselines.registry import make_baseline
+from satid_gym.config import unknown_name
+from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
+from satid_gym.faults import Faults
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.metrics import SETTLING, final_error
+from satid_gym.policy import Policy
+from satid_gym.satellite import SATELLITES
+from satid_gym.scenario import Scenario
+
+_ONSET = 0.4  # of the horizon
+_RECOVERED = 0.005  # relative error, held for _HELD
+_HELD = 10.0  # s
+_POSSIBLE = benchmark_scenario("faults").faults
+_CERTAIN = _POSSIBLE.replace(
+    time=(_ONSET, _ONSET),
+    gyro_dropout=1.0,
+    gyro_dropout_duration=(20.0, 20.0),
+    gyro_dropout_silent=0.0,
+    tachometer_stuck=1.0,
+    tachometer_stuck_duration=(60.0, 60.0),
+    wheel_loss=1.0,
+    wheel_loss_size=(0.5, 0.5),
+    torque_delay=(3, 3),
+)
+CASES: dict[str, tuple[Faults, float]] = {
+    "none": (Faults(), 0.0),
+    "gyro dropout, flagged": (_CERTAIN.only("gyro_dropout"), 20.0),
+    "gyro dropout, silent": (_CERTAIN.only("gyro_dropout").replace(gyro_dropout_silent=1.0), 20.0),
+    "gyro outliers": (_CERTAIN.only("gyro_outlier"), 0.0),
+    "gyro bias": (_CERTAIN.only("gyro_bias_std"), 0.0),
+    "tachometer stuck": (_CERTAIN.only("tachometer_stuck"), 60.0),
+    "half a wheel's torque": (_CERTAIN.only("wheel_loss"), 0.0),
+    "wheel failed": (_CERTAIN.only("wheel_loss").replace(wheel_loss_size=(1.0, 1.0)), 0.0),
+    "commands late": (_CERTAIN.only("torque_delay"), 0.0),
+    "all at once": (_CERTAIN.replace(gyro_dropout_silent=1.0), 60.0),
+    "as drawn": (_POSSIBLE, 0.0),
+}
+"""What goes wrong, and how long after its onset it is over, s; lasting faults are over at once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What to fly."""
+
+    satellites: tuple[str, ...] = ("microsat",)
+    """Satellites to fly."""
+    inertia: str = "drift"
+    """How their inertia varies."""
+    policies: tuple[str, ...] = ("rate_square", "greedy_horizon", "multi_step")
+    """Baselines that fly."""
+    cases: tuple[str, ...] = tuple(CASES)
+    """What goes wrong."""
+    episodes: int = 100
+    """Episodes of each row."""
+    seed_split: str = "test"
+    """Which seeds: training, tuning, validation or test."""
+    output: Path = Path("results/faults.json")
+    """File to write."""
+
+    def check(self) -> None:
+        """Refuse what cannot be flown.
+
+        Raises:
+            ValueError: a name is unknown or there is no episode.
+        """
+        for kind, given, valid in (
+            ("satellite", self.satellites, SATELLITES),
+            ("inertia mode", (self.inertia,), INERTIA_MODES),
+            ("case", self.cases, CASES),
+            ("split of seeds", (self.seed_split,), FIRST_SEED),
+        ):
+            for name in given:
+                if name not in valid:
+                    raise unknown_name(kind, name, valid)
+        if self.episodes < 1:
+            raise ValueError(f"episodes must be at least 1, got {self.episodes}")
+
+
+def worlds(case: str) -> dict[str, Scenario]:
+    """Scenario "faults" with a case's faults, with a filter that believes every reading and with its own."""
+    world = benchmark_scenario("faults").replace(faults=CASES[case][0])
+    if case == "none":
+        world = world.replace(gyro_bias_walk=benchmark_scenario("default").gyro_bias_walk)
+    return {"believing": world.replace(estimator="momentum"), "gated": world}
+
+
+def scores(flight: Flight, over: float) -> dict[str, float | None]:
+    """What a flight comes to.
+
+    Args:
+        flight: its faults begin at 40 % of the horizon.
+        over: s after that when they are over.
+
+    Returns:
+        final_error: mean. nees_before, nees_during, nees_after: mean over living episodes from 60 s to the onset,
+        to the end of the fault, and from 10 s after that on, without the 10 s after a step of the inertia; None
+        where there is no such time. nees_worst: 95 % quantile of the episodes' means after. recovery_s,
+        recovery_s_95: median and 95 % quantile of the time after the fault from which the error keeps to 0.5 %
+        for 10 s, None where not reached. outside, terminated: shares.
+    """
+    time, onset = flight.time, _ONSET * flight.time[-1]
+    end = onset + over
+    nees = np.where(flight.alive, flight.nees, np.nan)
+    if flight.step_time is not None:  # as everywhere: no filter is honest at once
+        nees[(time >= flight.step_time) & (time <= flight.step_time + SETTLING)] = np.nan
+    windows = {
+        "before": (time > 60.0) & (time <= onset),
+        "during": (time > onset) & (time <= end),
+        "after": time > end + SETTLING,
+    }
+    means = {name: nees[window] for name, window in windows.items()}
+    after = np.array([column[~np.isnan(column)].mean() for column in means["after"].T if not np.isnan(column).all()])
+    back = recovery(flight, end)
+    return {
+        "final_error": float(final_error(flight.error).mean()),
+        **{f"nees_{name}": _mean(values[~np.isnan(values)]) for name, values in means.items()},
+        "nees_worst": _finite(np.quantile(after, 0.95)) if after.size else None,
+        "recovery_s": _finite(np.median(back)),
+        "recovery_s_95": _finite(np.quantile(back, 0.95, method="higher")),
+        "outside": float(flight.outside.mean()),
+        "terminated": float((~flight.alive[-1]).mean()),
+    }
+
+
+def recovery(flight: Flight, end: float) -> np.ndarray:
+    """Seconds (N,) after `end` from which the error keeps to 0.5 % for 10 s; infinite where it never does."""
+    late = flight.time > end
+    good = (flight.error[late] <= _RECOVERED) & flight.alive[late]
+    period = flight.time[1] - flight.time[0]
+    held = max(1, round(_HELD / period))
+    runs = np.lib.stride_tricks.sliding_window_view(good, held, axis=0).all(axis=2)
+    return np.where(runs.any(axis=0), runs.argmax(axis=0) * period, np.inf)
+
+
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if values.size else None
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def study(settings: Study, policies: Mapping[str, Mapping[str, Policy]]) -> dict[str, Any]:
+    """Fly everything; `records` has one entry a satellite, case, policy and filter.
+
+    Args:
+        settings: what to fly.
+        policies: by satellite and name.
+    """
+    chosen = seeds(settings.seed_split, settings.episodes)  # type: ignore[arg-type]
+    rows = [(s, case, name) for s in settings.satellites for case in settings.cases for name in policies[s]]
+    records = []
+    for satellite, case, name in tqdm(rows, desc="faults", unit="flight"):
+        for kind, world in worlds(case).items():
+            cell = {"satellite": satellite, "inertia": settings.inertia, "scenario": world}
+            flown = fly(policies[satellite][name], seeds=chosen, **cell)
+            names = {"satellite": satellite, "case": case, "policy": name, "filter": kind}
+            records.append({**names, **scores(flown, CASES[case][1])})
+    return {
+        "settings": {**asdict(settings), "output": str(settings.output)},
+        "revision": revision(),
+        "versions": versions(),
+        "records": records,
+    }
+
+
+def _table(results: Mapping[str, Any]) -> Table:
+    table = Table(title="faults: filter that believes all / gated filter", box=box.SIMPLE)
+    for column in ("satellite", "case", "policy"):
+        table.add_column(column)
+    titles = {
+        "final_error": "final error %",
+        "nees_before": "NEES before",
+        "nees_during": "during",
+        "nees_after": "after",
+        "nees_worst": "worst 5 %",
+        "recovery_s": "recovery s",
+        "recovery_s_95": "95 %",
+        "outside": "outside %",
+        "terminated": "ended %",
+    }
+    for title in titles.values():
+        table.add_column(title, justify="right")
+    records = results["records"]
+    for one, other in zip(records[::2], records[1::2], strict=True):
+        cells = []
+        for key in titles:
+            percent = 100.0 if key in ("final_error", "outside", "terminated") else 1.0
+            cells.append(" / ".join("-" if r[key] is None else f"{percent * r[key]:.3g}" for r in (one, other)))
+        table.add_row(one["satellite"], one["case"], one["policy"], *cells)
+    return table
+
+
+def main(learned: Sequence[Policy] = (), module: str = "baselines.faults") -> int:
+    """Run the study that the command line asks for; the exit code.
+
+    Args:
+        learned: policies that fly beside the baselines.
+        module: that was called.
+    """
+    settings = tyro.cli(Study, description=__doc__)
+    try:
+        settings.check()
+        policies: dict[str, dict[str, Policy]] = {
+            s: {name: make_baseline(name, s, "faults") for name in settings.policies} for s in settings.satellites
+        }
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for row in policies.values():
+        row.update({policy.name: policy for policy in learned})
+    results = {"command": command(module), **study(settings, policies)}
+    write_json(settings.output, results)
+    console = Console(width=180) if not sys.stdout.isatty() else Console()
+    console.print(_table(results))
+    console.print(f"{results['command']}, revision {results['revision']}; {settings.output} written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Golden flights of SatInertiaID-v0: what it did when it was released, at full precision."""

@@ -1,0 +1,41 @@
+"""Write the golden flights anew: `python -m tests.golden`.
+
+Only for a change of behaviour that is meant, and then with a new version of the environment's id.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from tqdm import tqdm
+
+from baselines.provenance import command, revision, versions, write_text
+from tests.golden.flights import CASES, DATA, fly
+
+
+@dataclass(frozen=True, kw_only=True)
+class Golden:
+    """Where to write."""
+
+    output: Path = DATA
+    """JSON file that the tests hold the environment against."""
+
+
+def main() -> None:
+    """Fly every case and write what it gave."""
+    settings = tyro.cli(Golden, description=__doc__)
+    flights = {case: fly(case) for case in tqdm(CASES, desc="golden flights", unit="flight")}
+    head = {"command": command("tests.golden"), "revision": revision(), "versions": versions()}
+    lines = ",\n".join(
+        f" {json.dumps(case)}: {json.dumps(flight, allow_nan=False)}" for case, flight in flights.items()
+    )
+    text = json.dumps({**head, "flights": {}}, indent=1).replace('"flights": {}', f'"flights": {{\n{lines}\n }}')
+    write_text(settings.output, text + "\n")  # a flight a line: numbers need no lines of their own
+    print(f"{len(flights)} flights written to {settings.output}")
+
+
+if __name__ == "__main__":
+    main()

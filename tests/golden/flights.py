@@ -1,0 +1,68 @@
+"""Flights that the golden data record: worlds, estimators, satellites and laws under fixed actions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+DATA = Path(__file__).with_name("flights.json")
+DECISIONS = 60
+MARKS = (1, 5, 20, 45, 60)
+SEED = 20_000
+
+CASES: dict[str, dict[str, Any]] = {
+    **{
+        f"default, {satellite}, {law}": {
+            "satellite": satellite,
+            "inertia": law,
+            "scenario": {"horizon": float(DECISIONS)},
+        }
+        for satellite in ("cubesat", "microsat", "smallsat")
+        for law in ("static", "step", "drift", "periodic")
+    },
+    "default, any satellite, any law": {"satellite": "random", "inertia": "random"},
+    "tight, microsat": {"satellite": "microsat", "scenario": "tight"},
+    "tight, smallsat, rate": {"satellite": "smallsat", "scenario": "tight", "estimator": "rate"},
+    "paper, cubesat": {"satellite": "cubesat", "inertia": "step", "scenario": "paper"},
+    "paper, smallsat, momentum": {"satellite": "smallsat", "scenario": "paper", "estimator": "momentum"},
+    "default, microsat, rate": {"satellite": "microsat", "inertia": "periodic", "estimator": "rate"},
+    "reward trace, net": {"satellite": "cubesat", "reward": {"criterion": "trace", "net": True, "effort_weight": 0.1}},
+    "reward maxeig, held": {"satellite": "microsat", "reward": {"criterion": "maxeig", "held_scale": 0.01}},
+}
+
+
+def actions() -> np.ndarray:
+    """(DECISIONS, 3) square waves, each axis a third of a period after the other, and a few that are out of range."""
+    time = np.arange(DECISIONS)[:, None] + np.array([0, 4, 8])
+    waves = np.where(time // 6 % 2 == 0, 1.0, -1.0) * np.array([0.3, 0.2, 0.25])
+    waves[40:43] *= 10.0
+    return waves
+
+
+def fly(case: str) -> dict[str, Any]:
+    """One case, as far as it gets: what the environment returned at the marks, and sums over all decisions."""
+    env = gymnasium.make("SatInertiaID-v0", disable_env_checker=True, **CASES[case])
+    observation, info = env.reset(seed=SEED + list(CASES).index(case))
+    marks = [_mark(0, observation, 0.0, info)]
+    total = error = 0.0
+    decision = 0
+    for decision, action in enumerate(actions(), 1):
+        observation, reward, terminated, truncated, info = env.step(action)
+        total, error = total + float(reward), error + info["relative_error"]
+        if decision in MARKS or terminated:
+            marks.append(_mark(decision, observation, float(reward), info))
+        if terminated or truncated:
+            break
+    env.close()
+    return {"decisions": decision, "terminated": bool(terminated), "reward": total, "error": error, "marks": marks}
+
+
+def _mark(decision: int, observation: np.ndarray, reward: float, info: dict[str, Any]) -> dict[str, Any]:
+    kept = ("relative_error", "nees", "nis", "information_held", "cost", "guarded")
+    plain = {key: info[key] for key in kept}
+    arrays = {key: info[key].tolist() for key in ("inertia_true", "inertia_estimate", "torque_applied")}
+    seen = [float(str(x)) for x in observation]  # as short as float32 allows
+    return {"decision": decision, "observation": seen, "reward": reward, **plain, **arrays}

@@ -1,0 +1,106 @@
+"""Build the distributions, twice, and use the wheel where nothing else of the project is: `python -m tests.packaging`.
+
+Writes dist/. The second build is made in another folder from the first one's sdist, and must give the same bytes. The
+wheel is then installed in a virtual environment of its own, which sees what this one has of others' packages, but not
+this checkout. `make dist` calls it. The exit code is 1 where something fails.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tempfile
+import venv
+import zipfile
+from pathlib import Path
+
+from baselines.ending import ended
+
+ROOT = Path(__file__).parent.parent
+USE = """
+import gymnasium
+env = gymnasium.make("satid_gym:SatInertiaID-v0")
+observation, info = env.reset(seed=0)
+for _ in range(5):
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+assert env.observation_space.contains(observation)
+import satid_gym
+print(f"5 decisions with {satid_gym.__file__}, relative error {info['relative_error']:.3f}")
+"""
+
+
+def call(*command: str | Path, cwd: Path = ROOT) -> str:
+    """Output of a command.
+
+    Raises:
+        RuntimeError: it failed; the message is what it printed.
+    """
+    done = subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done.stdout.strip()
+
+
+def build(source: Path, output: Path) -> tuple[Path, Path]:
+    """Build wheel and sdist with what is installed; their paths."""
+    call(sys.executable, "-m", "build", "--no-isolation", "--sdist", "--wheel", "--outdir", output, cwd=source)
+    (wheel,), (sdist,) = output.glob("*.whl"), output.glob("*.tar.gz")
+    return wheel, sdist
+
+
+def unpack(sdist: Path, folder: Path) -> Path:
+    """The folder that a sdist unpacks to."""
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder, filter="data")
+    (inner,) = folder.iterdir()
+    return inner
+
+
+def contents(wheel: Path) -> list[str]:
+    """Names of the files in a wheel."""
+    with zipfile.ZipFile(wheel) as archive:
+        return archive.namelist()
+
+
+def install(wheel: Path, folder: Path) -> Path:
+    """A virtual environment with the wheel, and others' packages by path; its Python."""
+    venv.create(folder, with_pip=False)
+    python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"
+    call(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps", "--no-index", wheel)
+    places = call(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder)
+    # a path in a .pth file is searched, but .pth files there are not read: an editable install stays out of sight
+    (Path(places) / "others.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+    return python
+
+
+def main() -> int:
+    """Build, compare, install and use; the exit code."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        try:
+            first = build(ROOT, folder / "first")
+            second = build(unpack(first[1], folder / "elsewhere"), folder / "second")
+            for one, other in zip(first, second, strict=True):
+                same = one.read_bytes() == other.read_bytes()
+                print(f"{one.name}: {one.stat().st_size / 1e3:.0f} kB, {'the same' if same else 'OTHER'} bytes twice")
+                if not same:
+                    return 1
+            print(call(sys.executable, "-m", "twine", "check", "--strict", *first))
+            python = install(first[0], folder / "environment")
+            print(call(sys.executable, "-m", "pip", "--python", python, "check"))
+            print(call(python, "-m", "satid_gym.warmup", cwd=folder))
+            print(call(python, "-c", USE, cwd=folder))
+        except RuntimeError as error:
+            print(error, file=sys.stderr)
+            return 1
+        (ROOT / "dist").mkdir(exist_ok=True)
+        for path in first:
+            path.replace(ROOT / "dist" / path.name)
+    print("written to dist/")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

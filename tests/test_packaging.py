@@ -1,0 +1,53 @@
+"""Packaging: the short form of `python -m tests.packaging`, which also compiles and flies what it installed."""
+
+import sys
+
+import pytest
+
+from tests.packaging import ROOT, build, call, contents, install, unpack
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Wheel and sdist of this checkout, and the sdist unpacked."""
+    folder = tmp_path_factory.mktemp("dist")
+    wheel, sdist = build(ROOT, folder / "first")
+    return wheel, sdist, unpack(sdist, folder / "elsewhere")
+
+
+def test_the_sdist_builds_the_same_bytes_elsewhere(built, tmp_path):
+    wheel, sdist, source = built
+    (source / "pyproject.toml").touch()  # other times of files make no difference
+    again, sdist_again = build(source, tmp_path)
+    assert again.read_bytes() == wheel.read_bytes()
+    assert sdist_again.read_bytes() == sdist.read_bytes()
+
+
+def test_the_wheel_holds_the_library_alone(built):
+    names = contents(built[0])
+    assert {name.split("/")[0] for name in names} == {"satid_gym", "satid_gym-0.1.0.dist-info"}
+    assert "satid_gym/py.typed" in names
+    assert "satid_gym-0.1.0.dist-info/licenses/LICENSE" in names
+    assert not [name for name in names if "__pycache__" in name or name.endswith((".nbi", ".nbc"))]
+
+
+def test_the_sdist_holds_what_it_takes_to_test(built):
+    source = built[2]
+    for name in ("satid_gym", "baselines/tuned.json", "agents/pretrained/generalist.json", "tests/conftest.py",
+                 "docs/results/compare.json", "constraints.txt", "Makefile", "LICENSE", "README.md"):  # fmt: skip
+        assert (source / name).exists(), name
+    assert not [p.name for p in source.iterdir() if p.name in ("runs", "results", ".venv", "build", "dist")]
+
+
+def test_its_metadata_can_be_published(built):
+    assert call(sys.executable, "-m", "twine", "check", "--strict", *built[:2]).count("PASSED") == 2
+
+
+def test_the_wheel_alone_is_imported_and_its_environment_registered(built, tmp_path):
+    python = install(built[0], tmp_path / "environment")
+    code = "import gymnasium, satid_gym; gymnasium.spec('SatInertiaID-v0'); print(satid_gym.__file__)"
+    assert str(tmp_path / "environment") in call(python, "-c", code, cwd=tmp_path)
+    for name in ("agents", "baselines", "tests.conftest"):
+        with pytest.raises(RuntimeError, match="ModuleNotFoundError"):
+            call(python, "-c", f"import {name}", cwd=tmp_path)
+    assert call(sys.executable, "-m", "pip", "--python", python, "check") == "No broken requirements found."

@@ -1,0 +1,295 @@
+"""Faults: what they do to the truth, and what the gated filter makes of the readings they leave."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from satid_gym import SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario
+from satid_gym.core.records import FAULTS
+from satid_gym.estimators import FilterpyMomentumEKF, FilterpyMomentumUKF
+from satid_gym.faults import SWITCHES
+
+GATE = {"name": "momentum", "gate": 1e-6}
+RECORDED = json.loads(Path(__file__).with_name("faultless.json").read_text(encoding="utf-8"))
+
+
+def world(horizon: float = 60.0, **faults) -> Scenario:
+    """Scenario "faults" with these faults alone, that begin at a third of the horizon."""
+    return SCENARIOS["faults"].replace(
+        horizon=horizon, gyro_bias_walk=0.0, faults={"time": (1.0 / 3.0, 1.0 / 3.0), **faults}
+    )
+
+
+def square(t: int, n: int = 3) -> np.ndarray:
+    """Open-loop excitation inside the envelope, (n,)."""
+    return np.where((t / 30.0 + np.arange(n) / n) % 1.0 < 0.5, 0.1, -0.1)
+
+
+def fly_truth(env: SatInertiaIDEnv, seed: int = 0):
+    """Truth, readings and infos of an open-loop episode at the end of each decision."""
+    env.reset(seed=seed)
+    rows, infos = [], []
+    for t in range(env.problem.scenario.decisions):
+        *_, info = env.step(square(t))
+        rows.append(env._plants[0].copy())
+        infos.append(info)
+    return np.array(rows), infos
+
+
+# off
+
+
+@pytest.mark.parametrize("scenario", RECORDED)
+def test_without_faults_the_truth_is_what_it_was_before_there_were_any(scenario):
+    """The recording was made before faults were written: not one random number more, not one bit of readings."""
+    env = SatInertiaIDVectorEnv(6, "random", scenario=scenario)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        env.step(rng.uniform(-0.2, 0.2, (6, 3)))
+    plants = env.state()["plants"]
+    recorded = RECORDED[scenario]
+    np.testing.assert_array_equal(plants["stream"], np.array(recorded["stream"], np.uint64))
+    # other processors round sines and logarithms otherwise
+    np.testing.assert_allclose(plants["gyro"], recorded["gyro"], rtol=1e-9, atol=1e-13)
+    np.testing.assert_allclose(plants["tachometer"], recorded["tachometer"], rtol=1e-9)
+
+
+# filters
+
+
+@pytest.mark.parametrize("seed", [64, 72])
+def test_gated_filter_equals_filterpy_over_an_episode(seed):
+    """All faults at once, in the environment: means by their size, covariances by standard deviations."""
+    faults = SCENARIOS["faults"].faults.replace(gyro_dropout=1.0, tachometer_stuck=1.0)
+    scenario = SCENARIOS["faults"].replace(faults=faults)
+    fast = SatInertiaIDEnv(scenario=scenario, inertia="step")
+    slow = SatInertiaIDEnv(scenario=scenario, inertia="step", estimator=FilterpyMomentumEKF(gate=1e-6))
+    fast.reset(seed=seed)
+    slow.reset(seed=seed)
+    means, covariances = [], []
+    for t in range(300):
+        one, other = fast.step(square(t)), slow.step(square(t))
+        assert one[4]["nis"] == pytest.approx(other[4]["nis"], rel=1e-6, abs=1e-9)
+        means.append([env._beliefs["mean"][0].copy() for env in (fast, slow)])
+        covariances.append([env._beliefs["covariance"][0].copy() for env in (fast, slow)])
+    mean, covariance = np.array(means), np.array(covariances)
+    assert (np.abs(mean[:, 0] - mean[:, 1]) / np.abs(mean).max(axis=(0, 1))).max() < 1e-9
+    std = np.sqrt(np.einsum("tii->ti", covariance[:, 0]))
+    assert (np.abs(covariance[:, 0] - covariance[:, 1]) / (std[:, :, None] * std[:, None, :])).max() < 1e-9
+    assert fast._reports["rejected"][0] > 0
+
+
+def test_single_and_vector_environments_have_the_same_faults():
+    envs = SatInertiaIDVectorEnv(40, scenario="faults", num_threads=2)
+    observations, _ = envs.reset(seed=5)
+    env = SatInertiaIDEnv(scenario="faults")
+    for i in (0, 39):
+        env.reset(seed=5 + i)
+        for name in ("dropout", "stuck_wheel", "stuck", "weak_wheel", "weak_start", "torque_delay", "stream"):
+            np.testing.assert_array_equal(env._plants[name][0], envs.state()["plants"][name][i], err_msg=name)
+    env.reset(seed=5 + 39)
+    for t in range(200):
+        observations, *_, infos = envs.step(np.tile(square(t), (40, 1)))
+        observation, *_, info = env.step(square(t))
+    np.testing.assert_allclose(observations[39], observation, rtol=1e-6, atol=1e-6)
+    assert infos["nees"][39] == pytest.approx(info["nees"], rel=1e-9)
+    np.testing.assert_array_equal(infos["faults"][39], info["faults"])
+    assert infos["faults"].dtype == bool
+
+
+def test_same_seed_same_faults_and_another_seed_others():
+    starts = []
+    for seed in (0, 0, 1):
+        env = SatInertiaIDEnv(scenario="faults")
+        env.reset(seed=seed)
+        starts.append(env._plants.tobytes())
+    assert starts[0] == starts[1] != starts[2]
+
+
+# what faults do to the truth
+
+
+def test_a_flagged_dropout_repeats_the_last_reading_and_says_so():
+    env = SatInertiaIDEnv(scenario=world(gyro_dropout=1.0, gyro_dropout_duration=(10.0, 10.0)))
+    rows, infos = fly_truth(env)
+    dropped = np.array([info["faults"][FAULTS.index("gyro_dropout")] for info in infos])
+    np.testing.assert_array_equal(np.flatnonzero(dropped) + 1, np.arange(21, 31))  # from 20 s to 30 s
+    assert (rows["gyro"][20:30] == rows["gyro"][19]).all()
+    assert (rows["gyro"][30] != rows["gyro"][19]).all()
+    assert (np.abs(rows["rate"][29] - rows["rate"][19]) > 1e-4).any()  # the body has moved all the while
+    np.testing.assert_array_equal(rows["gyro_flagged"], dropped)
+    gained = np.array([info["information_gain"] for info in infos])
+    assert (gained[dropped] == 0.0).all()
+    assert (gained[~dropped][1:] > 0.0).all()
+
+
+def test_a_silent_dropout_is_not_flagged():
+    env = SatInertiaIDEnv(scenario=world(gyro_dropout=1.0, gyro_dropout_silent=1.0))
+    rows, infos = fly_truth(env)
+    assert any(info["faults"][0] for info in infos)
+    assert (rows["gyro_flagged"] == 0).all()
+
+
+def test_outliers_have_the_size_and_frequency_that_are_asked_for():
+    env = SatInertiaIDEnv(scenario=world(100.0, gyro_outlier=0.3, gyro_outlier_size=(100.0, 100.0)))
+    rows, _ = fly_truth(env)
+    off = (rows["gyro"] - rows["rate"]) / 5e-5  # standard deviations of the microsat's gyro
+    spiked = rows["spiked"] == 1
+    assert 15 <= spiked.sum() <= 45
+    assert (np.abs(off[~spiked]) < 6.0).all()
+    largest = np.abs(off[spiked]).max(axis=1)
+    np.testing.assert_allclose(largest, 100.0, atol=6.0)
+    assert (np.sort(np.abs(off[spiked]), axis=1)[:, 1] < 6.0).all()  # one axis at a time
+
+
+def test_a_stuck_tachometer_repeats_its_reading_while_the_wheel_turns_on():
+    env = SatInertiaIDEnv(scenario=world(tachometer_stuck=1.0, tachometer_stuck_duration=(15.0, 15.0)))
+    rows, _ = fly_truth(env)
+    wheel = rows["stuck_wheel"][0]
+    others = [k for k in range(3) if k != wheel]
+    assert (rows["tachometer"][20:35, wheel] == rows["tachometer"][19, wheel]).all()
+    assert np.ptp(rows["wheel_speed"][20:35, wheel]) > 10.0
+    assert (np.abs(rows["tachometer"] - rows["wheel_speed"])[:, others] < 0.3).all()
+    assert np.abs(rows["tachometer"] - rows["wheel_speed"])[35:, wheel].max() < 0.3
+
+
+@pytest.mark.parametrize("loss", [0.4, 1.0])
+def test_a_weak_wheel_gives_the_part_of_its_torque_that_it_has_left(loss):
+    scenario = world(wheel_loss=1.0, wheel_loss_size=(loss, loss)).replace(torque_noise=0.0)
+    rows, infos = fly_truth(SatInertiaIDEnv(scenario=scenario))
+    wheel, applied = rows["weak_wheel"][0], np.array([info["torque_applied"] for info in infos])
+    commanded = 0.1 * np.array([square(t) for t in range(60)])
+    expected = commanded.copy()
+    expected[20:, wheel] *= 1.0 - loss
+    np.testing.assert_allclose(applied, expected, rtol=0, atol=1e-9)  # actions are float32
+
+
+@pytest.mark.parametrize("delay", [1, 3, 10])
+def test_commands_come_late_by_whole_samples(delay):
+    """Of a decision's ten samples the first `delay` still follow the command before."""
+    scenario = world(torque_delay=(delay, delay)).replace(torque_noise=0.0)
+    env = SatInertiaIDEnv(scenario=scenario)
+    env.reset(seed=0)
+    before = np.zeros(3)
+    for t in range(12):
+        action = np.array([0.1, -0.05, 0.02]) * (1.0 + 0.2 * t) * (-1.0) ** t
+        applied = env.step(action)[4]["torque_applied"]
+        np.testing.assert_allclose(applied, 0.1 * (delay * before + (10 - delay) * action) / 10, rtol=0, atol=1e-8)
+        before = action
+
+
+def test_the_gyro_starts_with_the_bias_that_is_asked_for():
+    envs = SatInertiaIDVectorEnv(2000, scenario=world(gyro_bias_std=2e-5))
+    envs.reset(seed=0)
+    assert envs.state()["plants"]["gyro_bias"].std() == pytest.approx(2e-5, rel=0.03)
+
+
+def test_faults_come_as_often_as_their_probabilities_say():
+    envs = SatInertiaIDVectorEnv(4000, scenario="faults")
+    envs.reset(seed=0)
+    plants, faults = envs.state()["plants"], SCENARIOS["faults"].faults
+    for happened, probability in (
+        (plants["dropout"][:, 1] > 0.0, faults.gyro_dropout),
+        (plants["dropout_silent"] == 1, faults.gyro_dropout * faults.gyro_dropout_silent),
+        (plants["stuck_wheel"] >= 0, faults.tachometer_stuck),
+        (plants["weak_wheel"] >= 0, faults.wheel_loss),
+        (plants["torque_delay"] == 3, 0.25),
+        (plants["stuck_wheel"] == 1, faults.tachometer_stuck / 3.0),
+    ):
+        assert happened.mean() == pytest.approx(probability, abs=4.0 * np.sqrt(0.25 / 4000))
+
+
+# what the gated filter makes of it
+
+HARD = {
+    "gyro_dropout": {"gyro_dropout": 1.0, "gyro_dropout_silent": 0.5},
+    "gyro_outlier": {"gyro_outlier": 0.005},
+    "tachometer_stuck": {"tachometer_stuck": 1.0},
+    "wheel_loss": {"wheel_loss": 1.0},
+    "torque_delay": {"torque_delay": (3, 3)},
+    "gyro_bias_std": {"gyro_bias_std": 2e-5},
+}
+
+
+@pytest.mark.parametrize("name", [*SWITCHES, "all"])
+def test_filter_stays_honest_and_recovers(name):
+    """Mean NEES between 0.1 and 2 from 30 s on, faults and all; error back below 1 % within 20 s after the last."""
+    given = HARD[name] if name != "all" else {key: value for part in HARD.values() for key, value in part.items()}
+    scenario = world(240.0, **given).replace(gyro_bias_walk=1e-6)
+    envs = SatInertiaIDVectorEnv(40, inertia="static", scenario=scenario)
+    envs.reset(seed=0)
+    nees, error = [], []
+    for t in range(240):
+        *_, info = envs.step(np.tile(square(t), (40, 1)))
+        nees.append(info["nees"])
+        error.append(info["relative_error"])
+    assert 0.1 < np.mean(nees[30:]) < 2.0
+    assert np.mean(nees[160:]) < 2.0  # 80 s + the longest fault, 60 s, + 20 s
+    assert np.quantile(error[160], 0.9) < 0.01
+
+
+def test_without_gate_the_filter_is_certain_of_what_is_wrong():
+    """What the gate is for: else a stuck tachometer leaves a NEES of thousands."""
+    scenario = world(120.0, tachometer_stuck=1.0)
+    worst = {}
+    for estimator in ("momentum", GATE):
+        envs = SatInertiaIDVectorEnv(20, inertia="static", scenario=scenario, estimator=estimator)
+        envs.reset(seed=0)
+        nees = [envs.step(np.tile(square(t), (20, 1)))[-1]["nees"] for t in range(60)]
+        worst[str(estimator)] = np.mean(nees[45:])
+    assert worst["momentum"] > 100.0 * worst[str(GATE)]
+
+
+def test_a_step_of_inertia_is_not_gated_away():
+    """Where all readings are good, the third that is refused is believed."""
+    law = {"mode": "step", "size": 0.1, "time": 60.0}
+    envs = SatInertiaIDVectorEnv(20, inertia=law, estimator=GATE)
+    envs.reset(seed=0)
+    nees, rejected = [], []
+    for t in range(90):
+        *_, info = envs.step(np.tile(square(t), (20, 1)))
+        nees.append(info["nees"].mean())
+        rejected.append(info["rejected"])
+    assert np.mean(nees[65:]) < 2.0
+    assert (rejected[-1] - rejected[55]).max() <= 10
+
+
+def test_truth_of_faults_is_not_in_the_observation():
+    """A silent outlier-free, dropout-free world looks the same however its faults will come later."""
+    plain, later = world(60.0, tachometer_stuck=1e-12), world(60.0, tachometer_stuck=1.0)
+    seen = []
+    for scenario in (plain, later):
+        env = SatInertiaIDEnv(scenario=scenario.replace(torque_noise=0.0, gyro_noise_std=0.0, tachometer_noise_std=0.0))
+        env.reset(seed=0)
+        seen.append([env.step(square(t))[0] for t in range(19)])
+    np.testing.assert_array_equal(*seen)
+
+
+# what is refused
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"gyro_dropout": 1.5}, "gyro_dropout must be finite and at least 0 and at most 1"),
+        ({"gyro_bias_std": -1.0}, "gyro_bias_std must be finite and at least 0"),
+        ({"time": (0.5,)}, r"time must be a range \(low, high\)"),
+        ({"wheel_loss_size": (0.9, 0.1)}, "with low <= high"),
+        ({"torque_delay": (0, 1.5)}, "torque_delay must be whole numbers of samples"),
+        ({"torque_delay": (0, 11)}, "torque_delay must be at most a decision, 10 samples"),
+        ({"gyro_dropouts": 0.5}, "Did you mean 'gyro_dropout'"),
+    ],
+)
+def test_wrong_settings_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        Scenario(faults=values)
+
+
+def test_the_unscented_filter_says_that_it_has_no_gate():
+    with pytest.raises(ValueError, match="has no gate"):
+        FilterpyMomentumUKF(gate=1e-6)
