@@ -138,17 +138,14 @@ def _mix(mixer, v, out):
 
 @inline
 def _turn(belief, work, mixer, inertia, end, step, speed, rate):
-    """Covariance after one step at the end of which the body turns at `end`, and what the update gained, nats."""
+    """Covariance one step on, at the end of which the body turns at `end`; the reading there is left in `rate`."""
     momentum, omega, p = load(belief.mean), momentum_filter.rate(belief), belief.prior_theta.shape[0]
     after = axpy(step, add(cross(momentum, omega), load(belief.mean[3 + p :])), momentum)
     _mix(mixer, subtract(after, multiply(inertia, end)), speed)
     for k in range(speed.shape[0]):
         speed[k] /= belief.wheel_inertia[k]
     momentum_filter.predict(belief, work, speed, step)
-    before = spread(belief, work, LOGDET)
     store(rate, momentum_filter.rate(belief))  # the reading that is expected: it moves the covariance alone
-    momentum_filter.condition(belief, work, rate)
-    return before - spread(belief, work, LOGDET)
 
 
 @inline
@@ -183,6 +180,7 @@ def _build_follow(fingerprint):
                 for s in range(steps):
                     end = axpy((s + 1.0) / steps, change, load(before[i]))
                     _turn(belief, work[0], mixer, inertia, end, step, wheel, rate)
+                    momentum_filter.condition(belief, work[0], rate)
             belief.mean[:] = mean[i]
             belief.wheel_input[:3] = spin[i]
 
@@ -214,8 +212,12 @@ def _build_forecast_many(fingerprint):
                     change = subtract(end, omega)
                     for s in range(steps):
                         to = axpy((s + 1.0) / steps, change, omega)
-                        gained[i, c] += _turn(belief, work[0], mixer, inertia, to, step, wheel, rate)
-                        held[i, c] -= spread(belief, work[0], LOGDET) / (horizon * steps)
+                        _turn(belief, work[0], mixer, inertia, to, step, wheel, rate)
+                        before = spread(belief, work[0], LOGDET)
+                        momentum_filter.condition(belief, work[0], rate)
+                        after = spread(belief, work[0], LOGDET)
+                        gained[i, c] += before - after
+                        held[i, c] -= after / (horizon * steps)
                     omega = end
 
     return forecast_many

@@ -5,6 +5,9 @@ calls carry `@kernel`: they release the GIL and are cached on disk. Numba's cach
 kernel alone, so an edit of a function that the kernel calls would go unseen; every kernel therefore closes
 over a fingerprint of the whole core's source, which is part of numba's cache key.
 
+Numba also numbers the files of its cache, and two processes that compile at once may give one number to two kernels;
+here a file is named by what it holds.
+
 With NUMBA_DISABLE_JIT=1 in the environment the same code runs as plain Python, some hundred times slower: for
 debuggers, coverage and mutation testing.
 """
@@ -19,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from numba import config, njit
+from numba.core.caching import IndexDataCacheFile
 
 _FLAGS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
@@ -46,7 +50,26 @@ def kernel(build: Callable[[str], Callable[..., Any]]) -> Any:
     closure variables.
     """
     function = build(SOURCE_FINGERPRINT)
-    return _interpreted(function) if config.DISABLE_JIT else njit(nogil=True, cache=True, **_FLAGS)(function)
+    if config.DISABLE_JIT:
+        return _interpreted(function)
+    compiled = njit(nogil=True, cache=True, **_FLAGS)(function)
+    compiled._cache._cache_file.__class__ = NamedByContent
+    return compiled
+
+
+class NamedByContent(IndexDataCacheFile):
+    """Numba's files of a kernel's cache, each under a name of its own.
+
+    Where two processes save at once one entry may be missing from the index: it is compiled again, no more.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write the compiled code first and then the index that names it."""
+        overloads = self._load_index()
+        digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        overloads[key] = self._data_name_pattern.replace("{number:d}", digest)
+        self._save_data(overloads[key], data)
+        self._save_index(overloads)
 
 
 def _interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
