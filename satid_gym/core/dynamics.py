@@ -262,7 +262,7 @@ def _overspeed(plant, torque, h, m, wheels):
 def _until_limit(plant, torque, h, over):
     """The time in (0, h) at which the first wheel reaches its limit, by the Illinois method."""
     low, high = 0.0, h
-    f_low, f_high = -_AT_LIMIT, over
+    f_low, f_high = -1.0, over
     for k in range(torque.shape[0]):
         if plant.locked[k] == 0:
             f_low = max(f_low, abs(plant.wheel_speed[k]) / plant.wheel_speed_max[k] - 1.0)
