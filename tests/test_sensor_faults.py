@@ -62,6 +62,7 @@ def test_without_faults_the_truth_is_what_it_was_before_there_were_any(scenario)
 # filters
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", [64, 72])
 def test_gated_filter_equals_filterpy_over_an_episode(seed):
     """All faults at once, in the environment: means by their size, covariances by standard deviations."""
@@ -84,6 +85,7 @@ def test_gated_filter_equals_filterpy_over_an_episode(seed):
     assert fast._reports["rejected"][0] > 0
 
 
+@pytest.mark.compiled
 def test_single_and_vector_environments_have_the_same_faults():
     envs = SatInertiaIDVectorEnv(40, scenario="faults", num_threads=2)
     observations, _ = envs.reset(seed=5)
@@ -135,6 +137,7 @@ def test_a_silent_dropout_is_not_flagged():
     assert (rows["gyro_flagged"] == 0).all()
 
 
+@pytest.mark.compiled
 def test_outliers_have_the_size_and_frequency_that_are_asked_for():
     env = SatInertiaIDEnv(scenario=world(100.0, gyro_outlier=0.3, gyro_outlier_size=(100.0, 100.0)))
     rows, _ = fly_truth(env)
@@ -189,6 +192,7 @@ def test_the_gyro_starts_with_the_bias_that_is_asked_for():
     assert envs.state()["plants"]["gyro_bias"].std() == pytest.approx(2e-5, rel=0.03)
 
 
+@pytest.mark.compiled
 def test_faults_come_as_often_as_their_probabilities_say():
     envs = SatInertiaIDVectorEnv(4000, scenario="faults")
     envs.reset(seed=0)
@@ -216,6 +220,7 @@ HARD = {
 }
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", [*SWITCHES, "all"])
 def test_filter_stays_honest_and_recovers(name):
     """Mean NEES between 0.1 and 2 from 30 s on, faults and all; error back below 1 % within 20 s after the last."""
@@ -233,6 +238,7 @@ def test_filter_stays_honest_and_recovers(name):
     assert np.quantile(error[160], 0.9) < 0.01
 
 
+@pytest.mark.compiled
 def test_without_gate_the_filter_is_certain_of_what_is_wrong():
     """What the gate is for: else a stuck tachometer leaves a NEES of thousands."""
     scenario = world(120.0, tachometer_stuck=1.0)
@@ -245,6 +251,7 @@ def test_without_gate_the_filter_is_certain_of_what_is_wrong():
     assert worst["momentum"] > 100.0 * worst[str(GATE)]
 
 
+@pytest.mark.compiled
 def test_a_step_of_inertia_is_not_gated_away():
     """Where all readings are good, the third that is refused is believed."""
     law = {"mode": "step", "size": 0.1, "time": 60.0}
