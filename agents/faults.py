@@ -6,6 +6,7 @@ import sys
 
 from agents.policies import shipped
 from baselines import faults
+from baselines.ending import ended
 
 if __name__ == "__main__":
-    sys.exit(faults.main(shipped(), "agents.faults"))
+    sys.exit(ended(lambda: faults.main(shipped(), "agents.faults")))

@@ -21,7 +21,8 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import make_baseline
 from satid_gym.config import unknown_name
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
@@ -232,6 +233,7 @@ def main(learned: Sequence[Policy] = (), module: str = "baselines.faults") -> in
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    check_writable(settings.output.parent)
     for row in policies.values():
         row.update({policy.name: policy for policy in learned})
     results = {"command": command(module), **study(settings, policies)}
@@ -243,4 +245,4 @@ def main(learned: Sequence[Policy] = (), module: str = "baselines.faults") -> in
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))
