@@ -1,4 +1,4 @@
-"""How a command ends: Ctrl-C and what a user can mend are one line on standard error, never a traceback."""
+"""How a command ends: Ctrl-C and files that cannot be used are one line on standard error, never a traceback."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         os.chmod(part, 0o644)
         os.replace(part, path)
     except BaseException:
-        os.unlink(part)
+        Path(part).unlink(missing_ok=True)  # it has its name already where Ctrl-C came that late
         raise
     if os.name == "posix":  # the new name outlasts a power cut only once the folder is on disk
         folder = os.open(path.parent, os.O_RDONLY)
