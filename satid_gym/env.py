@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from satid_gym.config import unknown_name
+from satid_gym.config import check_whole, unknown_name
 from satid_gym.core import episode, kernels
 from satid_gym.core.observation import BOUND, layout
 from satid_gym.core.records import MOMENTUM, report_dtype
@@ -233,9 +233,8 @@ motor torque, delayed commands |
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
-        if not isinstance(render_size, (int, np.integer)) or not 240 <= render_size <= 2160:
-            raise ValueError(f"render_size must be a whole number from 240 to 2160, got {render_size!r}")
-        self.render_mode, self.render_size = render_mode, int(render_size)
+        self.render_mode = render_mode
+        self.render_size = check_whole("render_size", render_size, low=240, high=2160)
         self._history: History | None = None
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing

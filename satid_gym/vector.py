@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import types
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -169,7 +168,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             ValueError: an option, the mask or the number of seeds is not valid; nothing has changed.
         """
-        if not isinstance(options, (Mapping, types.NoneType)):
+        if options is not None and not isinstance(options, Mapping):
             raise ValueError(f"reset options must be a mapping, got {options!r}")
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
