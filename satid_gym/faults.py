@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.config import Config, check_number
+from satid_gym.config import Config, check_number, unknown_name
 
 SWITCHES = ("gyro_dropout", "gyro_outlier", "gyro_bias_std", "tachometer_stuck", "wheel_loss", "torque_delay")
 """Settings that turn a fault on where they are not 0."""
@@ -81,7 +81,13 @@ class Faults(Config):
         return any(np.max(getattr(self, name)) > 0 for name in SWITCHES)
 
     def only(self, switch: str) -> Faults:
-        """These faults with all off but one."""
+        """These faults with all off but one of `SWITCHES`.
+
+        Raises:
+            ValueError: there is no such switch.
+        """
+        if switch not in SWITCHES:
+            raise unknown_name("fault", switch, SWITCHES)
         none = Faults()
         off = {name: getattr(none, name) for name in SWITCHES if name != switch}
         return self.replace(**off)
