@@ -195,7 +195,7 @@ class FilterpyMomentumEKF(_Reference):
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
-        vetting, flexibility = self._vetting, np.linalg.inv(tensor(self.model.split(self.filter.x)[1]))
+        vetting = self._vetting
         if vetting is not None:
             shift = vetting.look(wheel_speed, dt)
             self.filter.x[:3] += shift
@@ -208,6 +208,7 @@ class FilterpyMomentumEKF(_Reference):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
             self._predict_step(a0, a1, h, dt)
         if vetting is not None:
+            flexibility = np.linalg.inv(tensor(self.model.split(self.filter.x)[1]))
             self.filter.P[:3, :3] += vetting.freedom(self.filter.x[:3], flexibility, dt)
         self._a = end
 

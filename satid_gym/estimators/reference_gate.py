@@ -13,7 +13,17 @@ if TYPE_CHECKING:
 
 
 class Vetting:
-    """Which readings FilterpyMomentumEKF believes."""
+    """Which readings FilterpyMomentumEKF believes.
+
+    Args:
+        model: of the filter.
+        gyro, wheel_speed: (3,) and (n,) first readings, rad/s.
+
+    Attributes:
+        speed: (n,) wheel speeds to go by, rad/s.
+        torque: (n,) N m, commanded.
+        vouched: whether a reading has agreed with the one that M was started with.
+    """
 
     def __init__(self, model: MomentumModel, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         self.model, self.gate = model, gate_distance(model.settings)
@@ -32,8 +42,7 @@ class Vetting:
         shift = self.model.spin[:, self.back] @ (wheel_speed - self.speed)[self.back]
         self.speed = np.where(self.dead, self.speed + self.torque * dt / wheels.inertia, wheel_speed)
         self.tachometer = np.array(wheel_speed)
-        # a reading is there unless `repeated` or `refuse` says otherwise
-        self.unread = True
+        self.unread = True  # until a gyro reading is believed
         return shift
 
     def freedom(self, momentum: np.ndarray, flexibility: np.ndarray, dt: float) -> np.ndarray:
