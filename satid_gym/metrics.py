@@ -56,7 +56,8 @@ def bootstrap(values: np.ndarray, *, trim: float = 0.0, seed: int = 0, resamples
 
     Where errors are skewed it covers better than percentile and BCa intervals do, `python -m tests.interval_coverage`
     measures it; to neither side is it shorter than Student's t, for the tails that a sample may not show. Below 20
-    episodes resamples say too little, and Student's t is all. Where every value is the same, both ends are that value.
+    episodes resamples say too little, and Student's t is all. Where all values that the mean keeps are the same, both
+    ends are that value.
 
     Args:
         values: one number an episode.

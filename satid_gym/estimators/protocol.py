@@ -15,7 +15,9 @@ class Estimator(Protocol):
     Its state begins with a 3-vector and theta (p,): [M, theta, tau] in "momentum" coordinates (M: total
     angular momentum, tau: disturbance torque, both body frame), [omega, theta, Omega] in "rate" coordinates.
     Further states may follow. Where it has a method `command(torque)` as well, it is told the motor torque (n,),
-    N m, that each decision commands. A reading that the gyro flags as invalid is not given to `update`.
+    N m, that each decision commands. A reading that the gyro flags as invalid is not given to `update`, nor are the
+    tachometers' with it. The observation shows the other readings as they are, whether or not the estimator
+    believes them, and info's `guarded` and `rejected` stay 0.
 
     Attributes:
         coordinates: "momentum" or "rate".
