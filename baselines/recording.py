@@ -20,6 +20,7 @@ from satid_gym.core.dynamics import external_torque, inertia_at, set_speeds
 from satid_gym.core.jit import inline, kernel
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.settings import EstimatorSettings, MomentumEKFSettings, brief, disturbance_walk
+from satid_gym.faults import Faults
 from satid_gym.policy import Policy, missions
 from satid_gym.problem import InertiaLike, Problem, ScenarioLike, problem
 from satid_gym.satellite import Satellite
@@ -55,7 +56,9 @@ class Recording:
 
 def model_world(scenario: Scenario) -> Scenario:
     """The scenario without what the filter's model leaves out; the disturbance is its prior's."""
-    return scenario.replace(gravity_gradient=False, solar_pressure=0.0, orbit_rate=0.0, gyro_bias_walk=0.0)
+    return scenario.replace(
+        gravity_gradient=False, solar_pressure=0.0, orbit_rate=0.0, gyro_bias_walk=0.0, faults=Faults()
+    )
 
 
 def record(
