@@ -64,7 +64,8 @@ class RateLoop:
         limits = (craft.rate_limit, craft.gyro_noise_std, craft.max_torque, craft.max_spin, craft.impulse_std)
         build = (craft.axes, craft.mixer, craft.carried)
         action = np.empty(belief.wheel_momentum.shape)
-        command = np.ascontiguousarray(command, dtype=float)
+        # the kernel does not look whether a row is there
+        command = np.ascontiguousarray(np.broadcast_to(command, belief.omega.shape), dtype=float)
         drive_many(*state, belief.wheel_momentum, command, *limits, *build, self.margin, self._duration, action)
         return action
 
