@@ -5,10 +5,8 @@ Validation seeds by default: the test seeds are for the comparison.
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from dataclasses import dataclass
-from typing import Annotated
 
 import tyro
 
@@ -16,6 +14,8 @@ from agents.compare import Comparison, compare
 from agents.policies import find
 from agents.tables import print_comparison
 from baselines.ending import ended
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.satellite import SATELLITES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,9 +26,27 @@ class Evaluation:
     """A shipped policy's name, or a path without ending."""
     beside: tuple[str, ...] = ("rate_square",)
     """Baselines to fly beside it."""
-    flights: Annotated[Comparison, tyro.conf.arg(name="")] = dataclasses.field(
-        default_factory=lambda: Comparison(seed_split="validation")
-    )
+    scenario: str = "default"
+    """The world: default, tight, paper or faults."""
+    satellites: tuple[str, ...] = tuple(SATELLITES)
+    """Satellites to fly."""
+    modes: tuple[str, ...] = INERTIA_MODES
+    """How their inertia varies."""
+    episodes: int = 100
+    """Episodes of each policy in each cell."""
+    seed_split: str = "validation"
+    """Which seeds: training, tuning, validation or test."""
+
+    def comparison(self, policy: str) -> Comparison:
+        """The flights of a policy of this name and those beside it."""
+        return Comparison(
+            scenario=self.scenario,
+            satellites=self.satellites,
+            modes=self.modes,
+            policies=(policy, *self.beside),
+            episodes=self.episodes,
+            seed_split=self.seed_split,
+        )
 
 
 def main() -> int:
@@ -36,7 +54,7 @@ def main() -> int:
     evaluation = tyro.cli(Evaluation, description=__doc__)
     try:
         policy = find(evaluation.policy)
-        comparison = dataclasses.replace(evaluation.flights, policies=(policy.name, *evaluation.beside))
+        comparison = evaluation.comparison(policy.name)
         comparison.check([policy])
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
