@@ -22,7 +22,7 @@ class Cell:
         satellite, mode: which cell.
         pilots: the policies, each with a clock.
         flights: of each of them.
-        ceiling: what the cell allows; None where the scenario's filter is not the MomentumEKF.
+        ceiling: what the cell allows; None where the scenario's filter is not the MomentumEKF as it is by default.
     """
 
     satellite: str

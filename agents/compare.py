@@ -96,7 +96,8 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     """Fly everything; `records`, `pairs`, `bounds` and `efficiencies` as compare.json has them, and `curves`.
 
     `bounds` has what each cell allows, `efficiencies` how far each policy gets; there are none where the
-    scenario's filter is not the MomentumEKF. Times of decisions are in `efficiencies`: they are no results.
+    scenario's filter is not the MomentumEKF as it is by default. Times of decisions are in `efficiencies`: they are
+    no results.
     `curves` has what the report alone needs, errors against time and one episode in full, and is not for compare.json.
     """
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]

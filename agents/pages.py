@@ -49,7 +49,7 @@ def shown(value: Any) -> str:
     if isinstance(value, tuple | list):
         return " to ".join(shown(v) for v in value)
     if isinstance(value, Mapping):
-        return ", ".join(v if k == "name" else f"{k}: {shown(v)}" for k, v in value.items()) or "1"
+        return ", ".join(v if k == "name" else f"{k}: {shown(v)}" for k, v in value.items()) or "1"  # no factors
     return str(value)
 
 

@@ -24,7 +24,6 @@ from satid_gym.rendering.strip import Strip
 COLOURS: tuple[Colour, Colour] = ((255, 205, 92), (150, 166, 200))  # the policy's, and the other's
 _GAP = 8.0  # between the frames, in units of which a frame has 480
 _LOWEST, _HIGHEST = -4.0, -0.5  # log10 of the relative errors that the chart shows
-_KINDS = {"learned": "learned", "closed_loop": "closed loop", "scripted": "scripted", "reference": "reference"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +87,7 @@ def _titles(pilots: Sequence[Pilot], width: float, scale: float) -> np.ndarray:
     for i, (pilot, colour) in enumerate(zip(pilots, COLOURS, strict=True)):
         left, right = i * (480.0 + _GAP) + 10.0, i * (480.0 + _GAP) + 470.0
         name = canvas.text((left, 24.0), pilot.name, colour, 22.0)
-        canvas.text((left + name + 10.0, 27.0), _KINDS[pilot.policy.kind], MUTED, 12.0)
+        canvas.text((left + name + 10.0, 27.0), pilot.policy.kind.replace("_", " "), MUTED, 12.0)
         canvas.text((right, 17.0), f"error {100 * pilot.error:.2f} %", colour, 16.0, "right")
         status = f"outside limits {100 * pilot.outside:.1f} % of the time"
         if pilot.terminated:

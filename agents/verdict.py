@@ -104,7 +104,7 @@ def benchmark_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
         behind.append(own["final_error_mean"] / min(r["final_error_mean"] for r in loops))
         behind_mean.append(own["mean_error_mean"] / min(r["mean_error_mean"] for r in loops))
         better += behind[-1] < 1.0 and behind_mean[-1] < 1.0
-    outside, ended = max(r["outside_fraction"] for r in mine), max(r["terminated_fraction"] for r in mine)
+    outside, early = max(r["outside_fraction"] for r in mine), max(r["terminated_fraction"] for r in mine)
     nees = [r["nees"] for r in mine]
     clear = clearly_behind(results, policy)
     return [
@@ -114,8 +114,8 @@ def benchmark_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
         ("median time to 1 %, at most 3 s", *_largest(first, 3.0, "{:.1f}")),
         (
             "share of time outside, at most 1 %; none ended",
-            f"{outside:.2%}; {ended:.0%}",
-            outside <= 0.01 and ended == 0,
+            f"{outside:.2%}; {early:.0%}",
+            outside <= 0.01 and early == 0,
         ),
         ("final error over the best closed loop, at most 1", *_largest(behind, 1.0)),
         ("mean error over the best closed loop, at most 1", *_largest(behind_mean, 1.0)),
