@@ -23,8 +23,8 @@ function band(time, low, high, name, others = {}) {
 }
 
 /** Three panels above each other, one for each body axis, with a common time axis. */
-function stacked(traces, title, range, unit, height = 400) {
-  const figure = layout({ height, hovermode: "x unified", xaxis: { ...timeAxis(), anchor: "y3" } });
+function stacked(traces, range, unit) {
+  const figure = layout({ height: 400, hovermode: "x unified", xaxis: { ...timeAxis(), anchor: "y3" } });
   AXES.forEach((axis, i) => {
     const domain = [(2 - i) / 3 + 0.02, (3 - i) / 3 - 0.02];
     figure[`yaxis${i ? i + 1 : ""}`] = {
@@ -69,7 +69,7 @@ function deviationFigure(flight, most) {
       },
     ];
   });
-  return stacked(traces, "", [-most, most], "%");
+  return stacked(traces, [-most, most], "%");
 }
 
 function ratesFigure(flight) {
@@ -82,7 +82,7 @@ function ratesFigure(flight) {
     { x: flight.time, y: flight.rate[i].map((r) => 1e3 * r), name: axis, line: lineOf(i, 1.3), mode: "lines", ...ofAxis(i) },
   ]);
   const most = Math.max(limit, ...episode.flights.flatMap((f) => f.rate.flat().map((r) => 1e3 * Math.abs(r))));
-  return stacked(traces, "", [-1.12 * most, 1.12 * most], "mrad/s");
+  return stacked(traces, [-1.12 * most, 1.12 * most], "mrad/s");
 }
 
 function wheelsFigure(flight) {
@@ -120,7 +120,7 @@ function showEpisode() {
   const most = 1.15 * Math.max(...spread);
   const kinds = [
     ["Moments of inertia", "dashed: truth; lines: estimate; bands: three standard deviations, as the filter believes", (f) => momentsFigure(f, range)],
-    ["Estimate less truth, % of the moment", "bands: three standard deviations; an honest filter stays inside nearly always", (f) => deviationFigure(f, most)],
+    ["Estimate less truth, % of the moment", "bands: three standard deviations; an honest filter stays inside nearly always, but for a moment after a step of the inertia", (f) => deviationFigure(f, most)],
     ["Body rates, mrad/s", "dashed: limits", ratesFigure],
     ["Wheels' speeds", "dashed: limits", wheelsFigure],
   ];
