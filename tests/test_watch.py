@@ -18,6 +18,7 @@ from rich.console import Console
 from agents import watch
 from agents.dashboard import bar, dashboard, sparkline, verdict
 from agents.pilot import Pairing
+from tests.faults import heed_interrupts
 
 PAIRING = Pairing(policy="generalist", horizon=20.0)
 TITLE = "microsat, step inertia"
@@ -149,7 +150,8 @@ def test_errors_are_said(monkeypatch, capsys, arguments, message):
 def test_ctrl_c_ends_it_cleanly():
     outer, inner = os.openpty()
     command = [sys.executable, "-m", "agents.watch", "generalist", "--profile", "multi_step", "--speed", "1"]
-    with subprocess.Popen(command, stdout=inner, stderr=inner, env={**os.environ, "TERM": "xterm"}) as process:
+    settings = {"stdout": inner, "stderr": inner, "env": {**os.environ, "TERM": "xterm"}}
+    with subprocess.Popen(command, preexec_fn=heed_interrupts, **settings) as process:
         os.close(inner)
         text, sent = b"", False
         until = time.monotonic() + 120.0

@@ -67,7 +67,7 @@ class NamedByContent(IndexDataCacheFile):
         """Write the compiled code first and then the index that names it."""
         overloads = self._load_index()
         digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
-        overloads[key] = self._data_name_pattern.replace("{number:d}", digest)
+        overloads[key] = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
         self._save_data(overloads[key], data)
         self._save_index(overloads)
 
