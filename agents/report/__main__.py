@@ -9,6 +9,7 @@ from pathlib import Path
 import tyro
 
 from agents.report.page import rebuild
+from baselines.ending import ended
 from satid_gym.config import unknown_name
 from satid_gym.scenario import SCENARIOS
 
@@ -20,7 +21,7 @@ class Report:
     results: Path = Path("results")
     """Folder with compare.json and report_data.json; the page is written beside them."""
     scenario: str = "default"
-    """Which comparison: default, tight or paper."""
+    """Which comparison: default, tight, paper or faults."""
 
 
 def main() -> int:
@@ -38,4 +39,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

@@ -29,8 +29,8 @@ def episode_cell(satellites: Sequence[str], modes: Sequence[str]) -> tuple[str, 
 def protagonists(records: Sequence[Record]) -> list[str]:
     """Names of the policies to show, of the records of one cell: the best scripted, and the best learned.
 
-    Where no learned policy flew, the best closed loop stands in for it; where neither kind of either flew, the best
-    of all is shown alone.
+    Where no learned policy flew, the best closed loop stands in for it. Where only one of the two sides flew,
+    it is shown alone; where neither did, the best of all is.
     """
     kinds = {kind: [r for r in records if r["kind"] == kind] for kind in ("learned", "closed_loop")}
     scripted = [r for r in records if r["policy"] in PROFILES]

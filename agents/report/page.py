@@ -17,6 +17,10 @@ from baselines.provenance import read_json, write_text
 ASSETS = Path(__file__).parent / "assets"
 SCRIPTS = ("page.js", "leaderboard.js", "charts.js", "heatmap.js", "episode.js", "flight.js", "main.js")
 _SAME_RUN = ("command", "revision", "seeds", "settings")
+_KEYS = {
+    "results": (*_SAME_RUN, "versions", "records", "bounds", "efficiencies"),
+    "curves": (*_SAME_RUN, "time", "curves", "bounds", "episode"),
+}
 _FIRST_SHOWN = ("mpc", "rate_square")  # beside the learned and the best scripted
 
 
@@ -40,17 +44,17 @@ def rebuild(folder: Path, scenario: str) -> Path:
 
     Raises:
         FileNotFoundError: a file is missing.
-        ValueError: the files come from different comparisons.
+        ValueError: a file is damaged, or they come from different comparisons.
     """
     names = file_names(scenario)
-    for name in ("results", "curves"):
+    for name in _KEYS:
         if not (folder / names[name]).is_file():
             raise FileNotFoundError(
                 f"{folder / names[name]} is missing: run python -m agents.compare --scenario {scenario} "
                 f"--output {folder} first"
             )
     results, curves = (
-        read_json(folder / names[name], "run python -m agents.compare") for name in ("results", "curves")
+        read_json(folder / names[name], "run python -m agents.compare again", keys=keys) for name, keys in _KEYS.items()
     )
     differ = [name for name in _SAME_RUN if results[name] != curves[name]]
     if differ:
