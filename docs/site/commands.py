@@ -6,7 +6,7 @@ Modules are read, not imported.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import griffe
@@ -41,21 +41,20 @@ def of(package: str) -> Iterator[str]:
         yield "\n".join([f"## {name.removesuffix('.__main__')}", "", module.docstring.value, "", *table])
 
 
-def _rows(module: griffe.Module, options: griffe.Class, changed: Mapping[str, str] | None = None) -> Iterator[str]:
-    """A row for each field; `changed` are defaults that the command gives to fields of another class."""
+def _rows(module: griffe.Module, options: griffe.Class) -> Iterator[str]:
+    """A row for each field."""
     for field in options.attributes.values():
         if "property" in field.labels:
             continue
         if not field.docstring and field.annotation:  # its fields stand among the options themselves
             nested = next(name for name in re.findall(r"[A-Z]\w+", str(field.annotation)) if name != "Annotated")
             target = module[nested].final_target if module[nested].is_alias else module[nested]
-            yield from _rows(module, target, dict(re.findall(r"(\w+)=('[^']*'|[\d.]+)", str(field.value))))
+            yield from _rows(module, target)
         elif field.docstring:
             flag = field.name if "Positional" in str(field.annotation) else f"--{field.name.replace('_', '-')}"
-            value = (changed or {}).get(field.name, field.value)
-            if str(value).startswith("field("):  # settings with fields of their own
+            if str(field.value).startswith("field("):  # settings with fields of their own
                 flag += ".FIELD"
-            yield f"| `{flag}` | {_default(value)} | {' '.join(field.docstring.value.split())} |"
+            yield f"| `{flag}` | {_default(field.value)} | {' '.join(field.docstring.value.split())} |"
 
 
 def _default(value: object) -> str:
