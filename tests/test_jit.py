@@ -1,5 +1,7 @@
 """The compiler's cache, for what numba's own leaves open."""
 
+import pytest
+
 from satid_gym.core import kernels
 from satid_gym.core.jit import NamedByContent
 
@@ -16,5 +18,6 @@ def test_processes_that_save_at_once_do_not_take_each_others_files(tmp_path):
     assert [fresh.load(f"signature of {name}") for name in ("one", "other")] == ["code of one", "code of other"]
 
 
+@pytest.mark.compiled
 def test_kernels_use_it():
     assert type(kernels.start_filter._cache._cache_file) is NamedByContent
