@@ -128,8 +128,9 @@ def update(belief, work, rows, support):
         for i in range(size):
             remainder[i] = 0.5 * (remainder[i] - gain[i])
         for i in range(size):
-            for j in range(size):
-                covariance[i, j] -= remainder[i] * gain[j] + gain[i] * remainder[j]
+            for j in range(i, size):
+                change = remainder[i] * gain[j] + gain[i] * remainder[j]
+                covariance[i, j] = covariance[j, i] = covariance[i, j] - change
     _move_mean(belief, work)
     return nis
 

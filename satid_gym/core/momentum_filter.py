@@ -170,9 +170,9 @@ def _add_tachometer_noise(belief, work, momentum, noise, h2):
     x, y, z = momentum
     for i in range(3):
         a, b, c = h2 * half[i, 0], h2 * half[i, 1], h2 * half[i, 2]
-        belief.covariance[i, 0] += c * y - b * z
-        belief.covariance[i, 1] += a * z - c * x
-        belief.covariance[i, 2] += b * x - a * y
+        row = (c * y - b * z, a * z - c * x, b * x - a * y)
+        for j in range(i, 3):
+            belief.covariance[i, j] = belief.covariance[j, i] = belief.covariance[i, j] + row[j]
 
 
 @inline
