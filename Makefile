@@ -48,7 +48,7 @@ docs: setup  ## the documentation site, in build/site
 	@echo "build/site/index.html"
 
 dist: setup  ## wheel and sdist in dist/, built twice with the same bytes, the wheel used by itself
-	$(RUN) -m tests.packaging
+	$(RUN) -m tests.distribution
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,10 +1,10 @@
-"""Packaging: the short form of `python -m tests.packaging`, which also compiles and flies what it installed."""
+"""Packaging: the short form of `python -m tests.distribution`, which also compiles and flies what it installed."""
 
 import sys
 
 import pytest
 
-from tests.packaging import ROOT, build, call, contents, install, unpack
+from tests.distribution import ROOT, build, call, contents, install, unpack
 
 
 @pytest.fixture(scope="module")
