@@ -1,4 +1,4 @@
-"""Build the distributions, twice, and use the wheel where nothing else of the project is: `python -m tests.distribution`.
+"""Build wheel and sdist, twice, and use the wheel where nothing else of the project is: `python -m tests.distribution`.
 
 Writes dist/. The second build is made in another folder from the first one's sdist, and must give the same bytes. The
 wheel is then installed in a virtual environment of its own, which sees what this one has of others' packages, but not
