@@ -23,32 +23,30 @@ class TimedPolicy:
         policy: what decides.
 
     Attributes:
-        seconds: spent on decisions since the last reset.
-        decisions: taken since then, one an episode and call.
+        times: s, of each call since the last reset, by the episodes that it decided for.
     """
 
     def __init__(self, policy: Policy) -> None:
         self.policy, self.name = policy, policy.name
         self.kind: Kind = policy.kind
-        self.seconds, self.decisions = 0.0, 0
+        self.times: list[float] = []
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Prepare the policy; the clock starts at zero."""
+        """Prepare the policy; times are counted anew."""
         self.policy.reset(mission, seeds)
-        self.seconds, self.decisions = 0.0, 0
+        self.times = []
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """The policy's action (N, n)."""
         start = time.perf_counter()
         action = self.policy(observation)
-        self.seconds += time.perf_counter() - start
-        self.decisions += len(observation)
+        self.times.append((time.perf_counter() - start) / len(observation))
         return action
 
     @property
     def decision_ms(self) -> float:
-        """Mean time of a decision, ms; of a batch of N decisions each counts for a part in N."""
-        return 1e3 * self.seconds / max(self.decisions, 1)
+        """Median time of a decision, ms, which a first call that compiles does not move; 0 before the first."""
+        return 1e3 * float(np.median(self.times)) if self.times else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +62,7 @@ class Timing:
 
 
 def decision_ms(name: str, satellite: str, episodes: int) -> float:
-    """Mean time of a baseline's decision in one flight of `episodes` side by side, ms."""
+    """Median time of a baseline's decision in one flight of `episodes` side by side, ms."""
     policy = TimedPolicy(make_baseline(name, satellite))
     cell = {"satellite": satellite, "inertia": "random", "scenario": benchmark_scenario()}
     fly(policy, seeds=seeds("validation", episodes), **cell)  # type: ignore[arg-type]

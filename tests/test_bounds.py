@@ -19,7 +19,7 @@ from satid_gym.bounds import (
     sample_information,
 )
 from satid_gym.estimators import MomentumEKFSettings, brief
-from satid_gym.estimators.reference import _MomentumModel
+from satid_gym.estimators.reference_model import MomentumModel
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 
@@ -59,7 +59,7 @@ def test_posterior_bound_is_the_information_recursion(skewed: Satellite, paramet
     course = replace(course, inertia=inertia, rate=np.linalg.solve(inertia, free[..., None])[..., 0])
     briefing = brief(satellite, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
-    model = _MomentumModel(settings, briefing)
+    model = MomentumModel(settings, briefing)
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: model.p]
     spin = course.wheel_speed[0] @ model.spin.T
 

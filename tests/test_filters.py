@@ -19,7 +19,7 @@ from satid_gym.estimators import (
     RateEKF,
     brief,
 )
-from satid_gym.estimators.reference import _MomentumModel
+from satid_gym.estimators.reference_model import MomentumModel
 from satid_gym.estimators.settings import inertia_parameters
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.scenario import SCENARIOS
@@ -221,7 +221,7 @@ def states():
 def test_jacobians_of_the_momentum_model(shape, states):
     satellite, parameters, gyro, before, after = states[shape]
     briefing = brief(satellite, SCENARIOS["default"])
-    model = _MomentumModel(MomentumEKFSettings(parameters=parameters), briefing)
+    model = MomentumModel(MomentumEKFSettings(parameters=parameters), briefing)
     x, _ = model.start(gyro, before)
     x[-3:] = 3e-5, -2e-5, 1e-5
     a0, a1 = model.spin @ before, model.spin @ after

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.estimators.reference import tensor
+from satid_gym.estimators.reference_model import tensor
 
 
 class NotIdentifiedError(ValueError):

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.config import check_number, real_array, unknown_name
 from satid_gym.estimators.inertia_fit import InertiaFit, NotIdentifiedError
-from satid_gym.estimators.reference import tensor
+from satid_gym.estimators.reference_model import tensor
 from satid_gym.estimators.regression import Regression
 from satid_gym.estimators.settings import PARAMETER_COUNT, Briefing, Parameters, inertia_parameters
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from satid_gym.estimators.reference_model import MomentumModel
 from satid_gym.estimators.settings import gate_distance
-
-if TYPE_CHECKING:
-    from satid_gym.estimators.reference import _MomentumModel as MomentumModel
 
 
 class Vetting:

@@ -18,7 +18,7 @@ import scipy.linalg
 import scipy.optimize
 
 from satid_gym.estimators.inertia_fit import InertiaFit, NotIdentifiedError
-from satid_gym.estimators.reference import tensor
+from satid_gym.estimators.reference_model import tensor
 from satid_gym.estimators.second_moment import (
     factor_bounds,
     factor_jacobian,

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.optimize
 
-from satid_gym.estimators.reference import tensor
+from satid_gym.estimators.reference_model import tensor
 from satid_gym.estimators.settings import PARAMETER_COUNT, PRODUCTS, Parameters, inertia_parameters
 
 _ENTRIES = [(0, 0), (1, 1), (2, 2), *((j, i) for i, j in PRODUCTS)]  # of C: diagonal, then below it

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from satid_gym.config import Config, check_number, check_whole, unknown_name
 from satid_gym.satellite import ReactionWheels, Satellite, inertia_tensor
@@ -149,7 +149,7 @@ class MomentumEKFSettings(Config):
 
 def gate_distance(settings: MomentumEKFSettings) -> float:
     """Normalised innovation squared of a gyro reading beyond which it is refused; 0 where none is."""
-    return float(scipy.stats.chi2.isf(settings.gate, 3)) if settings.gate > 0.0 else 0.0
+    return float(scipy.special.chdtri(3, settings.gate)) if settings.gate > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -96,7 +96,7 @@ const COLUMNS = [
     key: "decision_ms",
     label: "decision\nms",
     meaning: "Computing time of a decision on the machine that made this page, with all episodes side by side.",
-    cell: plain("decision_ms", (value) => (value < 1e-3 ? "< 0.001" : digits3(value))),
+    cell: plain("decision_ms", (value) => (value < 0.01 ? "< 0.01" : value.toFixed(2))),
   },
   {
     key: "kind",

@@ -1,0 +1,75 @@
+"""Reference RateEKF: filterpy's algebra around the paper's model, written in plain numpy."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+
+from satid_gym.estimators.reference import Reference
+from satid_gym.estimators.reference_model import regressor, skew, tensor
+from satid_gym.estimators.settings import PARAMETER_COUNT, Briefing, RateEKFSettings, inertia_parameters
+
+
+class FilterpyRateEKF(Reference):
+    """RateEKF by filterpy's ExtendedKalmanFilter.
+
+    Args:
+        **settings: fields of `RateEKFSettings`.
+    """
+
+    coordinates: Literal["rate"] = "rate"
+    settings: RateEKFSettings
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(RateEKFSettings.from_dict(settings))
+
+    def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+        """Start from what is known before launch and the first reading."""
+        s, wheels = self.settings, briefing.wheels
+        self.p, self.n = PARAMETER_COUNT[s.parameters], wheels.count
+        self.spin = wheels.axes * wheels.inertia
+        theta = inertia_parameters(briefing.inertia, s.parameters)
+        kf = self.filter = ExtendedKalmanFilter(dim_x=3 + self.p + self.n, dim_z=3 + self.n)
+        kf.x = np.concatenate([gyro, theta, wheel_speed])
+        counts = (3, self.p, self.n)
+        prior_std = np.repeat([s.prior_rate_std, s.prior_inertia_std, s.prior_wheel_speed_std], counts)
+        kf.P = np.diag(np.square(prior_std))
+        kf.R = np.diag(np.square(np.repeat([s.gyro_std, s.wheel_speed_std], (3, self.n))))
+        self.walk = np.repeat([s.rate_walk, s.inertia_walk, s.wheel_speed_walk], counts)
+        self._speed = np.array(wheel_speed)
+
+    def _slope(self, x: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        omega, theta, speed = x[:3], x[3 : 3 + self.p], x[3 + self.p :]
+        inertia = tensor(theta)
+        torque = -np.cross(omega, inertia @ omega + self.spin @ speed) - self.spin @ acceleration
+        return np.concatenate([np.linalg.solve(inertia, torque), np.zeros(self.p), acceleration])
+
+    def _slope_jacobian(self, x: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        omega, theta, speed = x[:3], x[3 : 3 + self.p], x[3 + self.p :]
+        inertia, slope = tensor(theta), self._slope(x, acceleration)[:3]
+        turn = skew(omega)
+        by_omega = skew(inertia @ omega + self.spin @ speed) - turn @ inertia
+        by_theta = -turn @ regressor(omega, self.p) - regressor(slope, self.p)
+        jacobian = np.zeros((len(x), len(x)))
+        jacobian[:3] = np.linalg.solve(inertia, np.hstack([by_omega, by_theta, -turn @ self.spin]))
+        return jacobian
+
+    def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
+        """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
+        kf, x = self.filter, self.filter.x
+        acceleration = (wheel_speed - self._speed) / dt
+        kf.F = np.eye(len(x)) + dt * self._slope_jacobian(x, acceleration)
+        kf.Q = np.diag(self.walk**2 * dt)
+        kf.predict_x = lambda u: setattr(kf, "x", x + dt * self._slope(x, acceleration))
+        kf.predict()
+        self._speed = np.array(wheel_speed)
+
+    def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
+        """Take in the reading; returns the normalised innovation squared per degree of freedom."""
+        kf = self.filter
+        keep = np.r_[0:3, 3 + self.p : len(kf.x)]
+        select = np.eye(len(kf.x))[keep]
+        kf.update(np.concatenate([gyro, wheel_speed]), lambda x: select, lambda x: x[keep])
+        return float(kf.y @ kf.SI @ kf.y) / len(keep)
