@@ -7,113 +7,31 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from satid_gym.config import check_whole, unknown_name
-from satid_gym.core import episode, kernels
-from satid_gym.core.observation import BOUND, layout
-from satid_gym.core.records import MOMENTUM, report_dtype
+from satid_gym.core import episode
+from satid_gym.core.observation import layout
+from satid_gym.core.records import report_dtype
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.protocol import Estimator, is_estimator
 from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
-from satid_gym.problem import (
-    InertiaLike,
-    Problem,
-    SatelliteLike,
-    ScenarioLike,
-    Templates,
-    build_templates,
-    problem,
-    resolve_inertia,
-    resolve_satellites,
+from satid_gym.foreign import ForeignFilter
+from satid_gym.interface import (
+    BROKEN,
+    DRAW_FAILED,
+    FLAGS,
+    INFO_KEYS,
+    make_spaces,
+    option_templates,
+    real_action,
+    seed_stream,
 )
+from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, Templates, build_templates, problem
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 
 if TYPE_CHECKING:
     from satid_gym.rendering import History
-
-RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
-INFO_KEYS = (
-    "time",
-    "inertia_true",
-    "inertia_estimate",
-    "relative_error",
-    "nees",
-    "nis",
-    "information_gain",
-    "information_held",
-    "cost",
-    "effort",
-    "saturated",
-    "torque_applied",
-    "guarded",
-    "rejected",
-    "faults",
-)
-
-
-FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
-
-
-def make_spaces(p: Problem, parameters: int) -> tuple[spaces.Box, spaces.Box]:
-    """Observation and action space of one environment."""
-    size = layout(p.wheels, parameters)["time_left"].stop
-    return (
-        spaces.Box(-BOUND, BOUND, (size,), np.float32),
-        spaces.Box(-1.0, 1.0, (p.wheels,), np.float32),
-    )
-
-
-def seed_stream(rng: np.random.Generator) -> np.ndarray:
-    """First state (4,) of an environment's random stream, from its generator."""
-    return rng.integers(1, 2**64, size=4, dtype=np.uint64)
-
-
-def real_action(name: str, value: object) -> np.ndarray:
-    """What an agent chose as float32; what overflows is infinite.
-
-    Raises:
-        ValueError: it is not numeric.
-    """
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        array = np.array(None)  # rows of different lengths
-    if array.dtype.kind not in "iufb":
-        raise ValueError(f"{name} must be numbers, got {value!r}")
-    with np.errstate(over="ignore"):
-        return array.astype(np.float32, order="C")  # always a copy: numba compiles anew for read-only or strided ones
-
-
-def option_templates(p: Problem, options: Mapping[str, Any]) -> Templates:
-    """Templates of one episode with other settings.
-
-    Raises:
-        ValueError: an option is unknown or not valid, or the satellite has another number of wheels.
-    """
-    if not isinstance(options, Mapping):
-        raise ValueError(f"reset options must be a mapping, got {options!r}")
-    for name in options:
-        if name not in RESET_OPTIONS:
-            raise unknown_name("reset option", name, RESET_OPTIONS)
-    changed = p.replace(
-        satellites=resolve_satellites(options.get("satellite", p.satellites)),
-        inertia=resolve_inertia(options.get("inertia", p.inertia)),
-    )
-    if changed.wheels != p.wheels:
-        raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {changed.wheels}")
-    return build_templates(changed, options.get("true_inertia"))
-
-
-DRAW_FAILED = (
-    "no physical inertia tensor in 1000 draws: the nominal tensor is too close to the "
-    "triangle inequality for this inertia_std, tilt_std or law; lower them or change the satellite"
-)
-BROKEN = (
-    "the filter broke down: its covariance is no longer positive definite, or its estimate not finite; "
-    "sample more often, give sensors some noise, or check the estimator's settings"
-)
 
 
 class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -238,10 +156,8 @@ motor torque, delayed commands |
         self._history: History | None = None
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
-        self._foreign: Estimator | None = None
         settings: Any = estimator
         if is_estimator(estimator):
-            self._foreign = estimator
             kind = {name: getattr(estimator, name, None) for name in ("coordinates", "parameters")}
             settings = estimator_settings({"name": kind["coordinates"], "parameters": kind["parameters"]})
         self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps)
@@ -254,6 +170,10 @@ motor torque, delayed commands |
         parameters = self._beliefs["prior_theta"].shape[1]
         self.observation_space, self.action_space = make_spaces(self.problem, parameters)
         self._observation = np.zeros((1, self.observation_space.shape[0]), np.float32)
+        self._foreign: ForeignFilter | None = None
+        if is_estimator(estimator):
+            records = (self._plants, self._beliefs, self._tasks, self._work, self._reports)
+            self._foreign = ForeignFilter(estimator, *records, self._observation)
         self._chosen = np.ones(1, np.int8)
         self._tasks["over"] = 1
 
@@ -288,7 +208,8 @@ motor torque, delayed commands |
             self._tasks["over"] = 1
             raise ValueError(DRAW_FAILED)
         if self._foreign is not None:
-            self._start_foreign(templates.satellites[int(self._tasks["template"][0])])
+            satellite = templates.satellites[int(self._tasks["template"][0])]
+            self._foreign.start(brief(satellite, self.problem.scenario))
         if self.render_mode is not None:
             self._start_history(templates.satellites[int(self._tasks["template"][0])])
         return self._observation[0].copy(), self._info()
@@ -317,7 +238,7 @@ motor torque, delayed commands |
         if self._foreign is None:
             failed = self._run(episode.DISABLED, self._templates, action)
         else:
-            failed = self._step_foreign(action)
+            failed = self._foreign.decide(action)
         report = self._reports[0]
         if failed or not np.isfinite(self._observation).all():
             raise FloatingPointError(BROKEN)
@@ -380,57 +301,3 @@ motor torque, delayed commands |
         info = {key: report[key] for key in INFO_KEYS}
         info = {k: v.copy() if isinstance(v, np.ndarray) else v.item() for k, v in info.items()}
         return info | {key: info[key].astype(bool) for key in FLAGS}
-
-    # An estimator that is not compiled: the same decision, one sample at a time.
-
-    def _start_foreign(self, satellite: Satellite) -> None:
-        assert self._foreign is not None
-        plant = self._plants[0]
-        self._foreign.reset(brief(satellite, self.problem.scenario), plant["gyro"].copy(), plant["tachometer"].copy())
-        self._take_belief()
-        kernels.look(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
-
-    def _step_foreign(self, action: np.ndarray) -> bool:
-        assert self._foreign is not None
-        plant, task, report = self._plants[0], self._tasks[0], self._reports[0]
-        kernels.command(self._plants, self._tasks, self._work, self._reports, action)
-        if hasattr(self._foreign, "command"):
-            self._foreign.command(self._work["torque"][0].copy())
-        first = self._spread()
-        gain = 0.0
-        for _ in range(task["samples"]):
-            kernels.sample(self._plants, self._tasks, self._work, self._reports)
-            gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()
-            self._foreign.predict(wheel_speed, float(task["sample_period"]))
-            self._take_belief()
-            self._beliefs["unread"] = plant["gyro_flagged"]
-            if plant["gyro_flagged"]:
-                report["nis"] = 0.0
-                continue
-            before = self._spread()
-            report["nis"] = self._foreign.update(gyro, wheel_speed)
-            self._take_belief()
-            gain += before - self._spread()
-        report["information_gain"] = first - self._spread() if task["net"] else gain
-        kernels.conclude(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
-        return bool(self._beliefs["broken"][0])
-
-    def _take_belief(self) -> None:
-        """Copy the foreign estimator's state into the core's belief."""
-        assert self._foreign is not None
-        belief = self._beliefs[0]
-        size = len(belief["mean"])
-        mean, covariance = np.asarray(self._foreign.mean), np.asarray(self._foreign.covariance)
-        if mean.shape != covariance.shape[:1] or covariance.shape != (*mean.shape, *mean.shape) or len(mean) < size:
-            raise ValueError(
-                f"the estimator's mean and covariance must have shapes (N,) and (N, N) with N >= {size}, "
-                f"got {mean.shape} and {covariance.shape}"
-            )
-        belief["mean"] = mean[:size]
-        belief["covariance"] = covariance[:size, :size]
-        if belief["kind"] == MOMENTUM:
-            spin = belief["wheel_inertia"] * self._plants[0]["tachometer"]
-            belief["wheel_input"][:3] = belief["axes"] @ spin
-
-    def _spread(self) -> float:
-        return kernels.spread(self._beliefs, self._work, self._tasks["criterion"][0])

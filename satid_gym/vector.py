@@ -17,7 +17,9 @@ from gymnasium.vector.utils import batch_space
 from satid_gym.config import check_flag, check_whole, unknown_name
 from satid_gym.core import episode
 from satid_gym.core.records import report_dtype
-from satid_gym.env import (
+from satid_gym.estimators.belief import new_work
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.interface import (
     BROKEN,
     DRAW_FAILED,
     FLAGS,
@@ -27,8 +29,6 @@ from satid_gym.env import (
     real_action,
     seed_stream,
 )
-from satid_gym.estimators.belief import new_work
-from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.problem import (
     InertiaLike,
     SatelliteLike,

@@ -24,7 +24,7 @@ from agents.readme import ROOT
 from agents.settings import TrainSettings
 from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.core.observation import layout
-from satid_gym.env import INFO_KEYS, RESET_OPTIONS
+from satid_gym.interface import INFO_KEYS, RESET_OPTIONS
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
 PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}

@@ -18,7 +18,6 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 
 import satid_gym
 from satid_gym import SATELLITES, InertiaLaw, Satellite, SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.env import INFO_KEYS
 from satid_gym.estimators import (
     FilterpyMomentumEKF,
     FilterpyMomentumUKF,
@@ -26,6 +25,7 @@ from satid_gym.estimators import (
     MomentumEKF,
     RateEKF,
 )
+from satid_gym.interface import INFO_KEYS
 from satid_gym.problem import problem
 
 
@@ -215,7 +215,7 @@ def test_relative_error_and_nees_by_their_definitions():
         error = np.linalg.norm(estimate - truth) / np.linalg.norm(truth)
         assert info["relative_error"] == pytest.approx(error, rel=1e-12)
         e = np.diag(estimate - truth)
-        covariance = env._foreign.covariance[3:6, 3:6]
+        covariance = env._foreign.estimator.covariance[3:6, 3:6]
     assert info["nees"] == pytest.approx(e @ np.linalg.solve(covariance, e) / 3.0, rel=1e-9)
 
 

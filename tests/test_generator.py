@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym import InertiaLaw, LawRanges, Satellite, SatInertiaIDEnv
 from satid_gym.core.random import normal, uniform
-from satid_gym.env import DRAW_FAILED, seed_stream
+from satid_gym.interface import DRAW_FAILED, seed_stream
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.satellite import inertia_tensor
 

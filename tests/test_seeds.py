@@ -12,8 +12,8 @@ from agents import train
 from agents.settings import TrainSettings
 from baselines import tune
 from satid_gym import SATELLITES, SatInertiaIDVectorEnv
-from satid_gym.env import seed_stream
 from satid_gym.evaluation import FIRST_SEED, SPLIT_SIZE, seeds
+from satid_gym.interface import seed_stream
 
 TINY = {
     "satellite": "microsat", "num_envs": 16, "rollout": 10, "batch_size": 80, "epochs": 1, "hold": 4, "steps": 320,

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.env import INFO_KEYS
+from satid_gym.interface import INFO_KEYS
 
 HORIZON = 7  # decisions an episode: several autoresets in every flight
 STEPS = 24

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from satid_gym import SatInertiaIDEnv
-from satid_gym.env import DRAW_FAILED, INFO_KEYS
+from satid_gym.interface import DRAW_FAILED, INFO_KEYS
 from tests.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300

@@ -1,0 +1,94 @@
+"""An estimator that is not compiled, in the place of the core's filter: the same decision, one sample at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core import kernels
+from satid_gym.core.records import MOMENTUM
+from satid_gym.estimators.protocol import Estimator
+from satid_gym.estimators.settings import Briefing
+
+
+class ForeignFilter:
+    """Runs an `Estimator` on the records of an environment with one row, and keeps the core's belief like its own.
+
+    Args:
+        estimator: the user's.
+        plants, beliefs, tasks, reports: the environment's records, one row each.
+        work: scratch space of the core.
+        observation: (1, size) where the environment keeps its observation.
+    """
+
+    def __init__(
+        self,
+        estimator: Estimator,
+        plants: np.ndarray,
+        beliefs: np.ndarray,
+        tasks: np.ndarray,
+        work: np.ndarray,
+        reports: np.ndarray,
+        observation: np.ndarray,
+    ) -> None:
+        self.estimator = estimator
+        self._plants, self._beliefs, self._tasks = plants, beliefs, tasks
+        self._work, self._reports, self._observation = work, reports, observation
+
+    def start(self, briefing: Briefing) -> None:
+        """Take the first readings of an episode.
+
+        Raises:
+            ValueError: the estimator's mean or covariance has another shape.
+        """
+        plant = self._plants[0]
+        self.estimator.reset(briefing, plant["gyro"].copy(), plant["tachometer"].copy())
+        self._take_belief()
+        kernels.look(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
+
+    def decide(self, action: np.ndarray) -> bool:
+        """One decision with action (n,); whether the covariance broke.
+
+        Raises:
+            ValueError: the estimator's mean or covariance has another shape.
+        """
+        plant, task, report = self._plants[0], self._tasks[0], self._reports[0]
+        kernels.command(self._plants, self._tasks, self._work, self._reports, action)
+        if hasattr(self.estimator, "command"):
+            self.estimator.command(self._work["torque"][0].copy())
+        first = self._spread()
+        gain = 0.0
+        for _ in range(task["samples"]):
+            kernels.sample(self._plants, self._tasks, self._work, self._reports)
+            gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()
+            self.estimator.predict(wheel_speed, float(task["sample_period"]))
+            self._take_belief()
+            self._beliefs["unread"] = plant["gyro_flagged"]
+            if plant["gyro_flagged"]:
+                report["nis"] = 0.0
+                continue
+            before = self._spread()
+            report["nis"] = self.estimator.update(gyro, wheel_speed)
+            self._take_belief()
+            gain += before - self._spread()
+        report["information_gain"] = first - self._spread() if task["net"] else gain
+        kernels.conclude(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
+        return bool(self._beliefs["broken"][0])
+
+    def _take_belief(self) -> None:
+        """Copy the estimator's state into the core's belief."""
+        belief = self._beliefs[0]
+        size = len(belief["mean"])
+        mean, covariance = np.asarray(self.estimator.mean), np.asarray(self.estimator.covariance)
+        if mean.shape != covariance.shape[:1] or covariance.shape != (*mean.shape, *mean.shape) or len(mean) < size:
+            raise ValueError(
+                f"the estimator's mean and covariance must have shapes (N,) and (N, N) with N >= {size}, "
+                f"got {mean.shape} and {covariance.shape}"
+            )
+        belief["mean"] = mean[:size]
+        belief["covariance"] = covariance[:size, :size]
+        if belief["kind"] == MOMENTUM:
+            spin = belief["wheel_inertia"] * self._plants[0]["tachometer"]
+            belief["wheel_input"][:3] = belief["axes"] @ spin
+
+    def _spread(self) -> float:
+        return kernels.spread(self._beliefs, self._work, self._tasks["criterion"][0])
