@@ -74,8 +74,8 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | gained | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
 covariance of the inertia parameters, in nats; never negative |
     | held | 0 | nats by which the inertia is better known at the decision's end than before launch |
-    | excess | 10 | sum over axes of the largest measured rate of the decision over the rate limit, less 0.96, \
-where positive |
+    | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it refuses one) \
+over the rate limit, less 0.96, where positive |
     | effort | 0 | mean square of the action, 0 to 1 |
 
     `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` the change over the

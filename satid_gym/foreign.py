@@ -65,11 +65,12 @@ class ForeignFilter:
             self._beliefs["unread"] = plant["gyro_flagged"]
             if plant["gyro_flagged"]:
                 report["nis"] = 0.0
-                continue
-            before = self._spread()
-            report["nis"] = self.estimator.update(gyro, wheel_speed)
-            self._take_belief()
-            gain += before - self._spread()
+            else:
+                before = self._spread()
+                report["nis"] = self.estimator.update(gyro, wheel_speed)
+                self._take_belief()
+                gain += before - self._spread()
+            kernels.note_rate(self._plants, self._beliefs, self._reports)
         report["information_gain"] = first - self._spread() if task["net"] else gain
         kernels.conclude(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
         return bool(self._beliefs["broken"][0])

@@ -266,6 +266,20 @@ def test_a_step_of_inertia_is_not_gated_away():
     assert (rejected[-1] - rejected[55]).max() <= 10
 
 
+@pytest.mark.compiled
+def test_a_refused_outlier_costs_no_reward():
+    """What the filter takes for an outlier is no excess of the envelope: the body is at rest here."""
+    scenario = world(60.0, gyro_outlier=0.02, gyro_outlier_size=(2000.0, 2000.0)).replace(disturbance_scale=0.0)
+    env = SatInertiaIDEnv(scenario=scenario, reward={"gain_scale": 0.0})
+    env.reset(seed=0)
+    rewards = []
+    for _ in range(60):
+        _, reward, _, _, info = env.step(np.zeros(3))
+        rewards.append(reward)
+    assert info["rejected"] > 0
+    assert min(rewards) == 0.0
+
+
 def test_truth_of_faults_is_not_in_the_observation():
     """A silent outlier-free, dropout-free world looks the same however its faults will come later."""
     plain, later = world(60.0, tachometer_stuck=1e-12), world(60.0, tachometer_stuck=1.0)

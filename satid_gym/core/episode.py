@@ -14,7 +14,7 @@ from satid_gym.core.dynamics import inertia_at, spin_momentum, travel
 from satid_gym.core.generator import draw_plant
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.kalman import estimated_inertia
-from satid_gym.core.observation import observe
+from satid_gym.core.observation import observe, rate_to_go_by
 from satid_gym.core.random import uniform
 from satid_gym.core.records import MOMENTUM
 from satid_gym.core.reward import reward, spread
@@ -59,7 +59,6 @@ def sample(plant, task, work, report):
     read_sensors(plant)
     outside = False
     for i in range(3):
-        report.peak_rate[i] = max(report.peak_rate[i], abs(plant.gyro[i]))
         outside = outside or abs(plant.rate[i]) > task.rate_limit
     if outside:
         report.cost += 1.0
@@ -95,6 +94,14 @@ def take_reading(plant, belief, work):
     if belief.gate == 0.0:
         belief.unread = 0
     return condition(belief, work, plant.gyro, plant.tachometer)
+
+
+@inline
+def note_rate(plant, belief, report):
+    """Tally the rate of this instant, as the filter goes by it: what the envelope's penalty is reckoned from."""
+    rate = rate_to_go_by(belief, plant.gyro)
+    for i in range(3):
+        report.peak_rate[i] = max(report.peak_rate[i], abs(rate[i]))
 
 
 @inline
@@ -161,6 +168,7 @@ def decide(plant, belief, task, work, report, action, observation):
         predict(belief, work, plant.tachometer, task.sample_period)
         before = spread(belief, work, task.criterion)
         report.nis = take_reading(plant, belief, work)
+        note_rate(plant, belief, report)
         last = spread(belief, work, task.criterion)
         report.information_gain += before - last
     if task.net != 0:

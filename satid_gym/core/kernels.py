@@ -114,6 +114,15 @@ def _sample(fingerprint):
     return sample
 
 
+def _note_rate(fingerprint):
+    def note_rate(plants, beliefs, reports):
+        """Tally the rate after a sample's update."""
+        fingerprint  # noqa: B018
+        episode.note_rate(plants[0], beliefs[0], reports[0])
+
+    return note_rate
+
+
 def _spread(fingerprint):
     def spread(beliefs, work, criterion):
         """Uncertainty of theta in nats."""
@@ -150,6 +159,7 @@ condition_filter = kernel(_condition_filter)
 run_filter = kernel(_run_filter)
 command = kernel(_command)
 sample = kernel(_sample)
+note_rate = kernel(_note_rate)
 spread = kernel(_spread)
 conclude = kernel(_conclude)
 look = kernel(_look)

@@ -39,6 +39,16 @@ def _write(out, i, value):
 
 
 @inline
+def rate_to_go_by(belief, gyro):
+    """The gyro's reading or, where the filter believes none of this instant, the filter's own rate."""
+    if belief.unread == 0:
+        return load(gyro)
+    if belief.kind == MOMENTUM:
+        return momentum_filter.rate(belief)
+    return load(belief.mean)
+
+
+@inline
 def observe(belief, task, gyro, tachometer, out):
     """Write the observation, in the order of `layout`."""
     p, n = belief.prior_theta.shape[0], tachometer.shape[0]
@@ -53,7 +63,7 @@ def observe(belief, task, gyro, tachometer, out):
         momentum, torque = add(multiply(inertia, omega), spin), (0.0, 0.0, 0.0)
     drift = multiply(inverse(inertia), add(cross(momentum, omega), torque))
     decision_period = task.sample_period * task.samples
-    reading = load(gyro) if belief.unread == 0 else omega  # what is known of the rate where the gyro says nothing
+    reading = rate_to_go_by(belief, gyro)
     i = 0
     for k in range(3):
         i = _write(out, i, reading[k] / task.rate_limit)

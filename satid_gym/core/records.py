@@ -195,7 +195,7 @@ def report_dtype(n: int) -> np.dtype:
             ("rejected", _I),
             ("faults", np.int8, len(FAULTS)),  # 1: acted in the decision
             # tallies of the decision under way
-            ("peak_rate", _F, 3),  # largest measured |rate|
+            ("peak_rate", _F, 3),  # largest |rate| that the filter goes by
             ("spin_start", _F, n),
         ],
         align=True,

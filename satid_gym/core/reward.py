@@ -44,7 +44,7 @@ def spread(belief, work, criterion):
 
 @inline
 def envelope_excess(task, report):
-    """How far the largest measured rates of the decision exceed the margin, relative, summed over axes."""
+    """How far the decision's largest rates, as the filter goes by them, pass the margin: relative, summed over axes."""
     total = 0.0
     for i in range(3):
         total += max(0.0, report.peak_rate[i] / task.rate_limit - task.envelope_margin)
