@@ -265,9 +265,10 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _infos(self, reports: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         infos: dict[str, Any] = {}
+        partial = not mask.all()
         for key in INFO_KEYS:
             value = reports[key].astype(bool) if key in FLAGS else reports[key].copy()
-            if not mask.all():
+            if partial:
                 value[~mask] = 0
             infos[key], infos[f"_{key}"] = value, mask.copy()
         return infos

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents import train
+from agents import choose, train
 from agents.learned import LearnedPolicy
 from agents.settings import TrainSettings, named
 
@@ -135,3 +135,30 @@ def test_better_policies_have_lower_merit():
     row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005}
     assert train.merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
     assert train.merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * train.merit([row]))
+
+
+def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp_path, monkeypatch, capsys):
+    """One of the two commands full rate back and forth at random: it knows more than one that hardly moves."""
+    lively, shipped = LearnedPolicy.load(copy / "policy"), tmp_path / "pretrained"
+    network = lively.network
+    for weight in network.weights:
+        weight *= 30.0
+    lively.save(copy / "policy")
+    shipped.mkdir()
+    monkeypatch.setattr(choose, "PRETRAINED", shipped)
+    arguments = ["choose", str(finished[0]), str(copy), "--ship", "--margin", "3.1", "--episodes", "6"]
+    monkeypatch.setattr("sys.argv", arguments)
+    assert choose.main() == 0
+    assert f"best by final and mean error: {copy}" in capsys.readouterr().out
+    policy = LearnedPolicy.load(shipped / lively.name)
+    assert policy.margin == 3.1
+    assert policy.details["validation_episodes"] == 6
+    expected = train.validate(policy, TrainSettings.from_dict(policy.details["trained"]["settings"]), 6)
+    assert policy.details["validation"] == expected
+
+
+@pytest.mark.parametrize(("option", "message"), [(("--episodes", "0"), "episodes"), (("--margin", "-1"), "margin")])
+def test_a_choice_that_cannot_be_made_ends_with_one_line(copy, monkeypatch, capsys, option, message):
+    monkeypatch.setattr("sys.argv", ["choose", str(copy), *option])
+    assert choose.main() == 2
+    assert message in capsys.readouterr().err
