@@ -24,7 +24,7 @@ from tqdm import tqdm
 from baselines.ending import ended
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import make_baseline
-from satid_gym.config import unknown_name
+from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES
@@ -89,17 +89,11 @@ class Study:
         Raises:
             ValueError: a name is unknown or there is no episode.
         """
-        for kind, given, valid in (
-            ("satellite", self.satellites, SATELLITES),
-            ("inertia mode", (self.inertia,), INERTIA_MODES),
-            ("case", self.cases, CASES),
-            ("split of seeds", (self.seed_split,), FIRST_SEED),
-        ):
-            for name in given:
-                if name not in valid:
-                    raise unknown_name(kind, name, valid)
-        if self.episodes < 1:
-            raise ValueError(f"episodes must be at least 1, got {self.episodes}")
+        check_names("satellite", self.satellites, SATELLITES)
+        check_names("inertia mode", (self.inertia,), INERTIA_MODES)
+        check_names("case", self.cases, CASES)
+        check_names("split of seeds", (self.seed_split,), FIRST_SEED)
+        check_whole("episodes", self.episodes)
 
 
 def worlds(case: str) -> dict[str, Scenario]:

@@ -18,16 +18,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import tyro
 
+from baselines.ending import ended
+from satid_gym.config import check_whole
+
 ROOT = Path(__file__).parent.parent
 PROMPT = 30.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
 POLICY = ("policy", "last")
+RUNS = ("first", "whole", "killed")
 SIGNALS = {
     "kill": (signal.SIGKILL, signal.SIGKILL),
     "int": (signal.SIGINT, signal.SIGINT),
@@ -51,6 +55,19 @@ class Faults:
     """Decisions between its checkpoints."""
     folder: Path | None = None
     """Where the runs go; a temporary folder that is removed by default."""
+
+    def check(self) -> None:
+        """Refuse what cannot be trained and stopped.
+
+        Raises:
+            ValueError: a number is out of range, or the folder holds such runs already.
+        """
+        check_whole("kills", self.kills)
+        check_whole("every", self.every)
+        check_whole("steps", self.steps, low=self.every)
+        for name in RUNS:
+            if self.folder is not None and (self.folder / name).exists():
+                raise ValueError(f"{self.folder / name} exists already: remove it, or choose another --folder")
 
 
 def training(faults: Faults, run: Path) -> list[str]:
@@ -191,8 +208,15 @@ def reached(run: Path) -> int:
 def main() -> int:
     """Disturb, compare, and print; the exit code."""
     faults = tyro.cli(Faults, description=__doc__)
+    try:
+        faults.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     with tempfile.TemporaryDirectory() as temporary:
         folder = faults.folder or Path(temporary)
+        # whoever compiles the core rounds otherwise than whoever finds it compiled, so that is done before
+        finish(training(replace(faults, steps=faults.every), folder / "first"))
         seconds = finish(training(faults, folder / "whole"))
         began = time.perf_counter()
         finish(resumption(faults, folder / "whole"))  # has nothing left to do: what starting alone takes
@@ -208,4 +232,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))
