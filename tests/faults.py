@@ -31,6 +31,7 @@ from satid_gym.config import check_whole
 ROOT = Path(__file__).parent.parent
 PROMPT = 30.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
 POLICY = ("policy", "last")
+LAST = "timing.json"  # is written when all else is
 RUNS = ("first", "whole", "killed")
 SIGNALS = {
     "kill": (signal.SIGKILL, signal.SIGKILL),
@@ -184,17 +185,20 @@ def disturb(faults: Faults, run: Path, starting: float, between: float) -> list[
             wait = moments.uniform(0.0, between)
         else:
             wait = moments.uniform(0.3 * starting, starting + between)
+        found: list[str] = []
         try:
             output, _ = process.communicate(timeout=wait)
+            if process.returncode:
+                return [*wrong, f"the run could not be resumed:\n{output[-2000:]}"]
         except subprocess.TimeoutExpired:
-            wrong += stop(process, by)
-            done += 1
-            print(f"{by.name} {done:3d} at {reached(run)} decisions", flush=True)
+            found = stop(process, by)
+        if (run / LAST).exists():  # also where the signal met a Python that was only taking its leave
+            print("the run ended before it was stopped: once more from the start", flush=True)
+            shutil.rmtree(run)
             continue
-        if process.returncode:
-            return [*wrong, f"the run could not be resumed:\n{output[-2000:]}"]
-        print("the run ended before it was stopped: once more from the start")
-        shutil.rmtree(run)
+        wrong += found
+        done += 1
+        print(f"{by.name} {done:3d} at {reached(run)} decisions", flush=True)
     finish(resumption(faults, run))
     return wrong
 
