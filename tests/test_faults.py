@@ -62,6 +62,26 @@ def test_a_run_that_is_killed_and_interrupted_ends_as_if_nothing_had_happened(wh
     assert differences(whole, run) == []
 
 
+def test_ctrl_c_stops_a_run_whose_parent_ignores_it():
+    """As a shell's background jobs do."""
+    code = """
+import sys, time
+print("ready", flush=True)
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    print("go on with --resume")
+    sys.exit(130)
+"""
+    heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        process = start(["-c", code])
+    finally:
+        signal.signal(signal.SIGINT, heeded)
+    assert process.stdout.readline() == "ready\n"
+    assert stop(process, signal.SIGINT) == []
+
+
 def full_after(count):
     """What a child calls so that no file of its may grow beyond `count` bytes: to it the disk is full."""
 
