@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -19,6 +20,7 @@ from tests.faults import (
     Faults,
     await_checkpoint,
     differences,
+    finish,
     heed_interrupts,
     resumption,
     start,
@@ -27,11 +29,6 @@ from tests.faults import (
 )
 
 SHORT = Faults(steps=24_000, every=3_200)
-
-
-def finish(arguments):
-    """Run a training to its end, in this process."""
-    train.main(arguments[2:])
 
 
 def refused(arguments, capsys):
@@ -46,8 +43,9 @@ def refused(arguments, capsys):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A short training that ended by itself."""
+    """A short training that ended by itself, in a process that found the core compiled; see docs/testing.md."""
     folder = tmp_path_factory.mktemp("faults") / "whole"
+    finish(training(replace(SHORT, steps=SHORT.every), folder.with_name("first")))
     finish(training(SHORT, folder))
     return folder
 

@@ -118,7 +118,7 @@ def resting(gyro=(0.0, 0.0, 0.0), tachometer_noise_std: float = 1e-12) -> Moment
     return filter
 
 
-SPEEDS = itertools.count(1)  # of wheels that hardly turn: no two readings of a noisy tachometer are the same
+SPEEDS = itertools.count(100)  # 1e-9 rad/s, of wheels that hardly turn: no two readings are the same, nor one of 1 to 99
 
 
 def read(filter: MomentumEKF, *gyro: float) -> float:
