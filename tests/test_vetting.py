@@ -118,12 +118,12 @@ def resting(gyro=(0.0, 0.0, 0.0), tachometer_noise_std: float = 1e-12) -> Moment
     return filter
 
 
-SPEEDS = itertools.count(100)  # 1e-9 rad/s, of wheels that hardly turn: no two readings are the same, nor one of 1 to 99
+SPEEDS = itertools.count(1)  # 1e-12 rad/s, of wheels that hardly turn: no two readings are the same
 
 
 def read(filter: MomentumEKF, *gyro: float) -> float:
     """Normalised innovation squared of one more sample of new readings."""
-    speed = np.full(3, 1e-9 * next(SPEEDS))
+    speed = np.full(3, 1e-12 * next(SPEEDS))
     filter.predict(speed, DT)
     return 3.0 * filter.update(np.array(gyro), speed)
 
