@@ -29,6 +29,7 @@ STORIES = {
     "blind, wheel back first": ".(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)gg..",
     "blind, gyro back first": ".(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)00..",
     "blind in two parts": ".(0g)(0g)(0g)(0g)(0g)(0g)0(0g)(0g)(0g)(0g)(0g)(0g)..",
+    "blind for ten samples, and again": ".(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)(0g)00(0g)(0g)..",
     "outliers of a stuck wheel": ".00(0o)0(0o)(0o)(0o)0..",
 }
 SHAPES = [("microsat", "principal", 1), ("skewed", "full", 3), ("pyramid", "full", 1)]
