@@ -34,7 +34,7 @@ from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
 from baselines.ending import ended
 from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
-from satid_gym.config import unknown_name
+from satid_gym.config import check_names
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policy import Policy
@@ -71,16 +71,11 @@ class Comparison:
             ValueError: a name is unknown or the number of episodes is below 2.
         """
         policies = [*BASELINES, *(policy.name for policy in learned)]
-        for kind, given, valid in (
-            ("scenario", (self.scenario,), SCENARIOS),
-            ("satellite", self.satellites, SATELLITES),
-            ("inertia mode", self.modes, INERTIA_MODES),
-            ("policy", self.policies, policies),
-            ("split of seeds", (self.seed_split,), FIRST_SEED),
-        ):
-            for name in given:
-                if name not in valid:
-                    raise unknown_name(kind, name, valid)
+        check_names("scenario", (self.scenario,), SCENARIOS)
+        check_names("satellite", self.satellites, SATELLITES)
+        check_names("inertia mode", self.modes, INERTIA_MODES)
+        check_names("policy", self.policies or policies, policies)
+        check_names("split of seeds", (self.seed_split,), FIRST_SEED)
         if self.episodes < 2:
             raise ValueError(f"episodes must be at least 2 for an interval, got {self.episodes}")
 

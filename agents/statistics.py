@@ -1,7 +1,7 @@
 """From the scores of episodes to records: means with 95 % intervals, and pairs on the same seeds.
 
-Errors are fractions. Intervals are the studentised bootstrap over episodes, and Wilson's for shares of wins;
-"_lo" and "_hi" are their ends.
+Errors are fractions. Intervals are the studentised bootstrap over episodes, and Clopper and Pearson's for shares of
+wins; "_lo" and "_hi" are their ends.
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ from baselines.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPol
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.tune import Trial, attempt, best
 from satid_gym.bounds import Course, posterior_bound
+from satid_gym.config import check_names, check_number, check_whole
 from satid_gym.estimators.settings import MomentumEKFSettings, brief
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.satellite import SATELLITES, Satellite
@@ -54,6 +55,20 @@ class Design:
     """Satellites to design for."""
     output: Path = DESIGNS
     """JSON file that the policy reads."""
+
+    def check(self) -> None:
+        """Refuse what cannot be designed.
+
+        Raises:
+            ValueError: a name is unknown or a number out of range.
+        """
+        check_names("scenario", self.scenarios, SCENARIOS)
+        check_names("satellite", self.satellites, SATELLITES)
+        for name in ("population", "rounds", "reversals", "episodes"):
+            check_whole(name, getattr(self, name))
+        check_whole("elite", self.elite, high=self.population)
+        check_whole("seed", self.seed, low=0)
+        check_number("fraction", self.fraction, strict=True, high=1.0)
 
 
 def nominal_course(rates: np.ndarray, satellite: Satellite, samples: int) -> Course:
@@ -145,9 +160,14 @@ def run(design: Design) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Command line."""
+def main() -> int:
+    """Design what the command line asks for; the exit code."""
     settings = tyro.cli(Design, description=__doc__)
+    try:
+        settings.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     check_writable(settings.output.parent)
     results = run(settings)
     write_json(settings.output, results)
@@ -157,6 +177,7 @@ def main() -> None:
             f"{entry['fraction']:.0%} of the limit: final error {100 * entry['final_error']:.2f} %, "
             f"outside {100 * entry['outside_fraction']:.1f} % of the time"
         )
+    return 0
 
 
 if __name__ == "__main__":

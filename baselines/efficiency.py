@@ -23,8 +23,9 @@ from tqdm import tqdm
 from baselines.ending import ended
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.recording import Recording, model_world, record
-from baselines.registry import make_baseline
+from baselines.registry import BASELINES, make_baseline
 from satid_gym.bounds import episode_bounds, population_bound, posterior_bound
+from satid_gym.config import check_names, check_whole
 from satid_gym.core import momentum_filter
 from satid_gym.core.jit import kernel
 from satid_gym.estimators.belief import new_belief, new_work
@@ -160,6 +161,16 @@ class Study:
     output: Path = Path("results/efficiency.json")
     """File to write."""
 
+    def check(self) -> None:
+        """Refuse what cannot be flown.
+
+        Raises:
+            ValueError: a name is unknown or there is no episode.
+        """
+        check_names("satellite", self.satellites, SATELLITES)
+        check_names("policy", (*self.policies, self.reference), BASELINES)
+        check_whole("episodes", self.episodes)
+
 
 def run(study: Study) -> dict[str, Any]:
     """Both parts of the study, as the JSON file has them."""
@@ -198,13 +209,19 @@ def show(results: dict[str, Any]) -> None:
         print(f"{cell} {default:.4f} {told:.4f} {bound:.4f} {r['given_away']:5.1f}")
 
 
-def main() -> None:
-    """Command line."""
+def main() -> int:
+    """Run the study that the command line asks for; the exit code."""
     study = tyro.cli(Study, description=__doc__)
+    try:
+        study.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     check_writable(study.output.parent)
     results = run(study)
     write_json(study.output, results)
     show(results)
+    return 0
 
 
 if __name__ == "__main__":

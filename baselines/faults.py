@@ -24,7 +24,7 @@ from tqdm import tqdm
 from baselines.ending import ended
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import make_baseline
-from satid_gym.config import unknown_name
+from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES
@@ -89,17 +89,11 @@ class Study:
         Raises:
             ValueError: a name is unknown or there is no episode.
         """
-        for kind, given, valid in (
-            ("satellite", self.satellites, SATELLITES),
-            ("inertia mode", (self.inertia,), INERTIA_MODES),
-            ("case", self.cases, CASES),
-            ("split of seeds", (self.seed_split,), FIRST_SEED),
-        ):
-            for name in given:
-                if name not in valid:
-                    raise unknown_name(kind, name, valid)
-        if self.episodes < 1:
-            raise ValueError(f"episodes must be at least 1, got {self.episodes}")
+        check_names("satellite", self.satellites, SATELLITES)
+        check_names("inertia mode", (self.inertia,), INERTIA_MODES)
+        check_names("case", self.cases, CASES)
+        check_names("split of seeds", (self.seed_split,), FIRST_SEED)
+        check_whole("episodes", self.episodes)
 
 
 def worlds(case: str) -> dict[str, Scenario]:
@@ -149,13 +143,17 @@ def scores(flight: Flight, over: float) -> dict[str, float | None]:
 
 
 def recovery(flight: Flight, end: float) -> np.ndarray:
-    """Seconds (N,) after `end` from which the error keeps to 0.5 % for 10 s; infinite where it never does."""
-    late = flight.time > end
-    good = (flight.error[late] <= _RECOVERED) & flight.alive[late]
+    """Seconds (N,) after `end` from which the error keeps to 0.5 % for 10 s; infinite where it never does.
+
+    0 where it does so from `end` on. The error is known at the end of each decision, so 10 s of decisions of 1 s are
+    eleven errors.
+    """
     period = flight.time[1] - flight.time[0]
-    held = max(1, round(_HELD / period))
-    runs = np.lib.stride_tricks.sliding_window_view(good, held, axis=0).all(axis=2)
-    return np.where(runs.any(axis=0), runs.argmax(axis=0) * period, np.inf)
+    late = flight.time > end - 0.5 * period  # the decision that ends at `end` is the first, whatever rounding says
+    good = (flight.error[late] <= _RECOVERED) & flight.alive[late]
+    span = round(_HELD / period) + 1
+    held = np.lib.stride_tricks.sliding_window_view(good, span, axis=0).all(axis=2)
+    return np.where(held.any(axis=0), flight.time[late][held.argmax(axis=0)] - end, np.inf)
 
 
 def _mean(values: np.ndarray) -> float | None:

@@ -33,6 +33,7 @@ from baselines.provenance import check_writable, command, revision, versions, wr
 from baselines.recording import Recording, record
 from baselines.scripted import ScriptedPolicy, Signal, staggered_square
 from satid_gym.bounds import posterior_bound
+from satid_gym.config import check_names, check_number, check_whole
 from satid_gym.estimators import MomentumEKF, MomentumEKFSettings, RateEKF
 from satid_gym.estimators.least_squares import NotIdentifiedError, differentiated, instrumental_variable, momentum_form
 from satid_gym.estimators.settings import Briefing, brief, inertia_parameters
@@ -108,6 +109,16 @@ class Ladder:
     """Episodes of each profile in each world."""
     output: Path = Path("results/ladder")
     """Folder for ladder.json and ladder.png."""
+
+    def check(self) -> None:
+        """Refuse what cannot be flown.
+
+        Raises:
+            ValueError: the satellite is unknown, or a number out of range.
+        """
+        check_names("satellite", (self.satellite,), SATELLITES)
+        check_number("torque", self.torque, strict=True, high=1.0)
+        check_whole("episodes", self.episodes)
 
 
 def matched(name: str, torque: float, scenario: Scenario) -> ScriptedPolicy:
@@ -232,9 +243,14 @@ def _text(correlation: float | None) -> str:
     return "refused" if correlation is None else f"{correlation:.2f}"
 
 
-def main() -> None:
-    """Command line."""
+def main() -> int:
+    """Climb the ladder that the command line asks for; the exit code."""
     ladder = tyro.cli(Ladder, description=__doc__)
+    try:
+        ladder.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     check_writable(ladder.output)
     chosen = seeds("validation", ladder.episodes)
     records = climb(ladder, chosen)
@@ -254,6 +270,7 @@ def main() -> None:
     print(" " * 18 + "".join(f"{name:>20s}" for name in [*ESTIMATORS, "held"]))
     for line in table:
         print(f"{line['world']:18s}" + "".join(f"{_text(line[name]):>20s}" for name in [*ESTIMATORS, "held"]))
+    return 0
 
 
 if __name__ == "__main__":

@@ -12,8 +12,10 @@ import tyro
 
 from baselines.ending import ended
 from baselines.registry import BASELINES, make_baseline
+from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policy import Kind, Mission, Policy
+from satid_gym.satellite import SATELLITES
 
 
 class TimedPolicy:
@@ -60,6 +62,16 @@ class Timing:
     policies: tuple[str, ...] = tuple(BASELINES)
     """Baselines to time."""
 
+    def check(self) -> None:
+        """Refuse what cannot be timed.
+
+        Raises:
+            ValueError: a name is unknown or there is no episode.
+        """
+        check_names("satellite", (self.satellite,), SATELLITES)
+        check_names("policy", self.policies, BASELINES)
+        check_whole("episodes", self.episodes)
+
 
 def decision_ms(name: str, satellite: str, episodes: int) -> float:
     """Median time of a baseline's decision in one flight of `episodes` side by side, ms."""
@@ -69,14 +81,20 @@ def decision_ms(name: str, satellite: str, episodes: int) -> float:
     return policy.decision_ms
 
 
-def main() -> None:
-    """Command line."""
+def main() -> int:
+    """Time what the command line asks for; the exit code."""
     timing = tyro.cli(Timing, description=__doc__)
+    try:
+        timing.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     print(f"ms a decision, {timing.satellite}: alone | {timing.episodes} episodes side by side")
     for name in timing.policies:
         decision_ms(name, timing.satellite, 1)  # the first flight may compile
         times = [decision_ms(name, timing.satellite, count) for count in (1, timing.episodes)]
         print(f"{name:18s} {times[0]:8.4f} {times[1]:8.4f}")
+    return 0
 
 
 if __name__ == "__main__":

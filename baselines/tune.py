@@ -24,9 +24,11 @@ from tqdm import tqdm
 from baselines.ending import ended
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import BASELINES, TUNED, UNTUNED, build
+from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.profiles import PAPER_AMPLITUDES, PAPER_SCALES, PROFILES
 from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario import SCENARIOS
 
 MOST_OUTSIDE = 0.01  # of the time
 HOPELESS = 0.3  # beyond this share more amplitude is not tried: it only leads further out
@@ -122,6 +124,16 @@ class Tuning:
     trials: Path | None = None
     """Where to write every setting tried, as JSON."""
 
+    def check(self) -> None:
+        """Refuse what cannot be tuned.
+
+        Raises:
+            ValueError: a name is unknown or there is no episode.
+        """
+        check_names("scenario", self.scenarios, SCENARIOS)
+        check_names("satellite", self.satellites, SATELLITES)
+        check_whole("episodes", self.episodes)
+
 
 def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Tune every baseline that has settings: the contents of the JSON file, and all trials behind them."""
@@ -158,14 +170,21 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     return tuned, tried
 
 
-def main() -> None:
-    """Command line."""
+def main() -> int:
+    """Tune what the command line asks for; the exit code."""
     settings = tyro.cli(Tuning, description=__doc__)
-    check_writable(settings.output.parent)
+    try:
+        settings.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for path in (settings.output, settings.trials or settings.output):
+        check_writable(path.parent)
     tuned, tried = run(settings)
     write_json(settings.output, tuned)
     if settings.trials is not None:
         write_json(settings.trials, tried)
+    return 0
 
 
 if __name__ == "__main__":

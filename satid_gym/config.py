@@ -22,6 +22,20 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> ValueError:
     return ValueError(f"unknown {kind} {name!r}; expected one of {names}.{hint}")
 
 
+def check_names(kind: str, names: Iterable[object], valid: Iterable[str]) -> None:
+    """Refuse names that are not among the valid ones, and none at all.
+
+    Raises:
+        ValueError: a name is unknown, or there is none.
+    """
+    names, valid = list(names), list(valid)
+    for name in names:
+        if name not in valid:
+            raise unknown_name(kind, name, valid)
+    if not names:
+        raise ValueError(f"name at least one {kind}; expected some of {sorted(valid)}")
+
+
 def real_array(name: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray:
     """`value` as a read-only float64 array of one of `shapes`.
 

@@ -107,8 +107,7 @@ over the rate limit, less 0.96, where positive |
     | torque_applied | (n,) mean motor torque, N m |
     | guarded | filter updates shortened so far to keep the estimate positive definite |
     | rejected | gyro readings that the filter has not believed so far |
-    | faults | (5,) whether a fault acted in the decision: gyro dropout, gyro outlier, stuck tachometer, loss of \
-motor torque, delayed commands |
+    | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
 
     ## Arguments
     Each takes a name, a mapping of plain values, or the dataclass behind it.

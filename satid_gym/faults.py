@@ -8,6 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym.config import Config, check_number, unknown_name
+from satid_gym.core import records
+
+FAULTS = records.FAULTS
+"""What `info["faults"]` says of a decision, in its order: which of these acted."""
 
 SWITCHES = ("gyro_dropout", "gyro_outlier", "gyro_bias_std", "tachometer_stuck", "wheel_loss", "torque_delay")
 """Settings that turn a fault on where they are not 0."""

@@ -18,16 +18,21 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import tyro
 
+from baselines.ending import ended
+from satid_gym.config import check_whole
+
 ROOT = Path(__file__).parent.parent
 PROMPT = 30.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
 POLICY = ("policy", "last")
+LAST = "timing.json"  # is written when all else is
+RUNS = ("first", "whole", "killed")
 SIGNALS = {
     "kill": (signal.SIGKILL, signal.SIGKILL),
     "int": (signal.SIGINT, signal.SIGINT),
@@ -51,6 +56,19 @@ class Faults:
     """Decisions between its checkpoints."""
     folder: Path | None = None
     """Where the runs go; a temporary folder that is removed by default."""
+
+    def check(self) -> None:
+        """Refuse what cannot be trained and stopped.
+
+        Raises:
+            ValueError: a number is out of range, or the folder holds such runs already.
+        """
+        check_whole("kills", self.kills)
+        check_whole("every", self.every)
+        check_whole("steps", self.steps, low=self.every)
+        for name in RUNS:
+            if self.folder is not None and (self.folder / name).exists():
+                raise ValueError(f"{self.folder / name} exists already: remove it, or choose another --folder")
 
 
 def training(faults: Faults, run: Path) -> list[str]:
@@ -167,17 +185,20 @@ def disturb(faults: Faults, run: Path, starting: float, between: float) -> list[
             wait = moments.uniform(0.0, between)
         else:
             wait = moments.uniform(0.3 * starting, starting + between)
+        found: list[str] = []
         try:
             output, _ = process.communicate(timeout=wait)
+            if process.returncode:
+                return [*wrong, f"the run could not be resumed:\n{output[-2000:]}"]
         except subprocess.TimeoutExpired:
-            wrong += stop(process, by)
-            done += 1
-            print(f"{by.name} {done:3d} at {reached(run)} decisions", flush=True)
+            found = stop(process, by)
+        if (run / LAST).exists():  # also where the signal met a Python that was only taking its leave
+            print("the run ended before it was stopped: once more from the start", flush=True)
+            shutil.rmtree(run)
             continue
-        if process.returncode:
-            return [*wrong, f"the run could not be resumed:\n{output[-2000:]}"]
-        print("the run ended before it was stopped: once more from the start")
-        shutil.rmtree(run)
+        wrong += found
+        done += 1
+        print(f"{by.name} {done:3d} at {reached(run)} decisions", flush=True)
     finish(resumption(faults, run))
     return wrong
 
@@ -191,8 +212,15 @@ def reached(run: Path) -> int:
 def main() -> int:
     """Disturb, compare, and print; the exit code."""
     faults = tyro.cli(Faults, description=__doc__)
+    try:
+        faults.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     with tempfile.TemporaryDirectory() as temporary:
         folder = faults.folder or Path(temporary)
+        # whoever compiles the core rounds otherwise than whoever finds it compiled, so that is done before
+        finish(training(replace(faults, steps=faults.every), folder / "first"))
         seconds = finish(training(faults, folder / "whole"))
         began = time.perf_counter()
         finish(resumption(faults, folder / "whole"))  # has nothing left to do: what starting alone takes
@@ -208,4 +236,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

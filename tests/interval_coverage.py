@@ -19,8 +19,12 @@ from tqdm import tqdm
 from agents.policies import find
 from agents.statistics import pair, record
 from baselines import make_baseline
+from baselines.ending import ended
+from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import improvements, iqm
+from satid_gym.satellite import SATELLITES
 
 LEAST, MOST = 0.93, 0.97
 QUARTILE = float(norm.ppf(0.75))
@@ -115,6 +119,18 @@ class Study:
     inertia: str = "step"
     """How its inertia varies."""
 
+    def check(self) -> None:
+        """Refuse what cannot be simulated.
+
+        Raises:
+            ValueError: a name is unknown or a number out of range.
+        """
+        check_names("satellite", (self.satellite,), SATELLITES)
+        check_names("inertia mode", (self.inertia,), INERTIA_MODES)
+        check_whole("simulations", self.simulations)
+        check_whole("episodes", self.episodes, low=2)
+        check_whole("flights", self.flights)
+
 
 def real(study: Study) -> dict[str, Population]:
     """Every flown policy against the next one."""
@@ -136,6 +152,11 @@ def real(study: Study) -> dict[str, Population]:
 def main() -> int:
     """Print every coverage; the exit code."""
     study = tyro.cli(Study, description=__doc__)
+    try:
+        study.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     populations = {**SYNTHETIC, **real(study)}
     held = True
     print(f"{'population':26s}{'interval of':30s}{'truth':>10s} {'covered':>9s} {'above':>7s} {'below':>7s}")
@@ -152,4 +173,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

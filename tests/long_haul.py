@@ -21,7 +21,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_whole
 
@@ -166,17 +167,17 @@ class Haul:
         }
 
 
-def main() -> None:
-    """Command line."""
+def main() -> int:
+    """Fly what the command line asks for; the exit code."""
     settings = tyro.cli(LongHaul, description=__doc__)
     try:
         haul = Haul(settings)
     except ValueError as error:
-        sys.exit(f"tests.long_haul: {error}")
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    check_writable(settings.output.parent)
     try:
         haul.run()
-    except KeyboardInterrupt:
-        sys.exit("stopped; go on with the same command and --resume")
     finally:
         haul.env.close()
     figures = haul.figures()
@@ -186,7 +187,8 @@ def main() -> None:
     write_json(settings.output, {**results, "samples": haul.seen["samples"]})
     settings.state_file.unlink()
     print(f"written to {settings.output}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(ended(main, "go on with the same command and --resume"))

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import satid_gym
 from satid_gym import metrics
@@ -124,10 +125,22 @@ def test_interval_of_equal_values():
 
 
 def test_interval_of_shares():
-    # Wilson's interval for 8 of 10, worked out by hand
-    assert metrics.proportion_interval(np.array([1.0] * 8 + [0.0] * 2)) == pytest.approx((0.4902, 0.9433), abs=1e-4)
-    low, high = metrics.proportion_interval(np.ones(100))
-    assert (low, high) == (pytest.approx(0.9630, abs=1e-4), 1.0)
+    low, high = metrics.proportion_interval(np.array([1.0] * 8 + [0.0] * 2))
+    # where 8 or more, and 8 or fewer, of 10 have a chance of 2.5 %
+    assert 45 * low**8 * (1 - low) ** 2 + 10 * low**9 * (1 - low) + low**10 == pytest.approx(0.025)
+    assert 1.0 - 10 * high**9 * (1 - high) - high**10 == pytest.approx(0.025)
+    assert metrics.proportion_interval(np.ones(100)) == (pytest.approx(0.025**0.01), 1.0)
+    assert metrics.proportion_interval(np.zeros(100)) == (0.0, pytest.approx(1.0 - 0.025**0.01))
+    assert metrics.proportion_interval(np.full(10, 0.5)) == metrics.proportion_interval(np.repeat([0.0, 1.0], 5))
+
+
+@pytest.mark.parametrize("truth", [0.0, 0.001, 0.03, 0.5, 0.9455, 0.999, 1.0])
+def test_interval_of_shares_covers_whatever_the_truth(truth):
+    """By the binomial distribution of the wins, not by simulation; Wilson's would have 92.9 % at 0.9455."""
+    wins = np.arange(101)
+    ends = np.array([metrics.proportion_interval(np.repeat([1.0, 0.0], [k, 100 - k])) for k in wins])
+    covered = (ends[:, 0] <= truth) & (truth <= ends[:, 1])
+    assert scipy.stats.binom.pmf(wins, 100, truth)[covered].sum() >= 0.95
 
 
 # seeds and scenarios

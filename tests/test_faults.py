@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -19,6 +20,7 @@ from tests.faults import (
     Faults,
     await_checkpoint,
     differences,
+    finish,
     heed_interrupts,
     resumption,
     start,
@@ -27,11 +29,6 @@ from tests.faults import (
 )
 
 SHORT = Faults(steps=24_000, every=3_200)
-
-
-def finish(arguments):
-    """Run a training to its end, in this process."""
-    train.main(arguments[2:])
 
 
 def refused(arguments, capsys):
@@ -46,8 +43,9 @@ def refused(arguments, capsys):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A short training that ended by itself."""
+    """A short training that ended by itself, in a process that found the core compiled; see docs/testing.md."""
     folder = tmp_path_factory.mktemp("faults") / "whole"
+    finish(training(replace(SHORT, steps=SHORT.every), folder.with_name("first")))
     finish(training(SHORT, folder))
     return folder
 
@@ -60,6 +58,26 @@ def test_a_run_that_is_killed_and_interrupted_ends_as_if_nothing_had_happened(wh
         assert stop(process, by) == []
     finish(resumption(SHORT, run))
     assert differences(whole, run) == []
+
+
+def test_ctrl_c_stops_a_run_whose_parent_ignores_it():
+    """As a shell's background jobs do."""
+    code = """
+import sys, time
+print("ready", flush=True)
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    print("go on with --resume")
+    sys.exit(130)
+"""
+    heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        process = start(["-c", code])
+    finally:
+        signal.signal(signal.SIGINT, heeded)
+    assert process.stdout.readline() == "ready\n"
+    assert stop(process, signal.SIGINT) == []
 
 
 def full_after(count):

@@ -26,6 +26,7 @@ from baselines.paper.study import HORIZON, Run, horizon_jobs, run_all, table_job
 from baselines.paper.summary import cells, checks, finite
 from baselines.paper.world import MOMENTUM_SETTINGS, scenario
 from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
+from satid_gym.config import check_whole
 from satid_gym.estimators import RateEKFSettings
 from satid_gym.evaluation import seeds
 
@@ -40,8 +41,19 @@ class Study:
     """Folder for everything."""
 
 
-def main(study: Study) -> int:
-    """Run and write; the exit status says whether the study showed what it was to show."""
+def main() -> int:
+    """Run what the command line asks for; the exit code."""
+    study = tyro.cli(Study, description=__doc__)
+    try:
+        check_whole("seeds", study.seeds)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return run(study)
+
+
+def run(study: Study) -> int:
+    """Run and write; 0 where the study showed what it was to show, else 1."""
     check_writable(study.output)
     start = time.perf_counter()
     jobs = [*table_jobs(study.seeds), *horizon_jobs(study.seeds)]
@@ -104,4 +116,4 @@ def _write_csv(path: Path, records: Sequence[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(lambda: main(tyro.cli(Study, description=__doc__))))
+    sys.exit(ended(main))

@@ -23,8 +23,10 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_json
 from satid_gym import SatInertiaIDEnv
+from satid_gym.config import check_whole
 from tests.fuzz.configuration import Configuration, Group, draw_configuration
 from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
 from tests.fuzz.spoil import refused, refuses_actions, spoil
@@ -48,6 +50,22 @@ class Fuzz:
     """Numbers of wheels; each compiles four kernels, up to a minute each, on the first run."""
     output: Path = Path("results/fuzz.json")
     """Where the findings go."""
+
+    def check(self) -> None:
+        """Refuse what cannot be flown.
+
+        Raises:
+            ValueError: a number is out of range.
+        """
+        check_whole("configurations", self.configurations)
+        check_whole("decisions", self.decisions)
+        check_whole("first", self.first, low=0, high=self.configurations - 1)
+        if self.only is not None:
+            check_whole("only", self.only, low=0, high=self.configurations - 1)
+        if not self.wheels:
+            raise ValueError("name at least one number of wheels")
+        for wheels in self.wheels:
+            check_whole("wheels", wheels, low=3)
 
     def groups(self) -> list[Group]:
         """Groups in the order flown: the fewest wheels first."""
@@ -142,6 +160,12 @@ def print_findings(found: dict[Group, Findings]) -> None:
 def main() -> int:
     """The exit code: 1 where something failed."""
     fuzz = tyro.cli(Fuzz, description=__doc__)
+    try:
+        fuzz.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    check_writable(fuzz.output.parent)
     start = time.perf_counter()
     if fuzz.only is not None:
         configuration, _ = fuzz.draw(fuzz.only)
@@ -172,4 +196,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ended(main))

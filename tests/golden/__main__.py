@@ -6,13 +6,15 @@ Only for a change of behaviour that is meant, and then with a new version of the
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_text
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, revision, versions, write_text
 from tests.golden.flights import CASES, DATA, fly
 
 
@@ -24,9 +26,10 @@ class Golden:
     """JSON file that the tests hold the environment against."""
 
 
-def main() -> None:
-    """Fly every case and write what it gave."""
+def main() -> int:
+    """Fly every case and write what it gave; the exit code."""
     settings = tyro.cli(Golden, description=__doc__)
+    check_writable(settings.output.parent)
     flights = {case: fly(case) for case in tqdm(CASES, desc="golden flights", unit="flight")}
     head = {"command": command("tests.golden"), "revision": revision(), "versions": versions()}
     lines = ",\n".join(
@@ -35,7 +38,8 @@ def main() -> None:
     text = json.dumps({**head, "flights": {}}, indent=1).replace('"flights": {}', f'"flights": {{\n{lines}\n }}')
     write_text(settings.output, text + "\n")  # a flight a line: numbers need no lines of their own
     print(f"{len(flights)} flights written to {settings.output}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(ended(main))

