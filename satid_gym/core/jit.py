@@ -40,7 +40,7 @@ SOURCE_FINGERPRINT = _fingerprint()
 
 def inline(function: Callable[..., Any]) -> Any:
     """Compile a small pure function; LLVM inlines it into the kernel that calls it."""
-    return njit(**_FLAGS)(function)
+    return njit(forceinline=True, **_FLAGS)(function)
 
 
 def kernel(build: Callable[[str], Callable[..., Any]]) -> Any:
