@@ -67,6 +67,11 @@ class Briefing(Config):
         for name in ("prior_std", "product_std", "tachometer_noise_std", "disturbance_std", "disturbance_walk"):
             check_number(name, getattr(self, name))
 
+    @property
+    def gyro_is_noisy(self) -> bool:
+        """Whether the gyro has noise of its own, by which a reading that repeats itself gives itself away."""
+        return self.gyro_noise_std > _LEAST_STD
+
     def theta_scale(self, parameters: Parameters) -> np.ndarray:
         """(p,) moments, and geometric means of two of them for the products."""
         moments = np.diag(self.inertia)

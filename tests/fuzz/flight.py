@@ -8,12 +8,13 @@ import gymnasium
 import numpy as np
 
 from satid_gym import SatInertiaIDEnv
+from satid_gym.core.records import MOMENTUM
+from satid_gym.estimators.reference_model import regressor
 from satid_gym.interface import DRAW_FAILED, INFO_KEYS
 from tests.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300
 _ROUNDING = 1e-9
-_SINGULAR = 1e-7  # of the correlation's eigenvalues: sensors without noise leave them at rounding
 _FINE = 0.05  # rad, turned between readings, up to which the integrator is exact to rounding
 _COARSE_DRIFT = 1e-6  # of |M| in a sample, where its own error is larger
 
@@ -203,9 +204,40 @@ class _Log:
         std = np.sqrt(np.where(known, 1.0, variance))
         correlation = covariance / (std[:, :, None] * std[:, None, :]) + known[:, :, None] * np.eye(known.shape[1])
         skew = np.abs(correlation - correlation.transpose(0, 2, 1)).max(axis=(1, 2))
-        _demand(skew < _SINGULAR, "the filter's correlation is not symmetric by", skew)
-        least = np.linalg.eigvalsh(correlation)[:, 0]
-        _demand(least > -_SINGULAR, "the filter's correlation has the eigenvalue", least)
+        _demand(skew == 0.0, "the filter's correlation is not symmetric by", skew)
+        least, rounding = np.linalg.eigvalsh(correlation)[:, 0], self._rounding(variance)
+        _demand(least >= -rounding, "beyond rounding the filter's correlation has the eigenvalue", least, rounding)
+
+    def _rounding(self, variance: np.ndarray) -> np.ndarray:
+        """(rows,) how far rounding may move the correlation's eigenvalues.
+
+        An update takes P h (P h)^T / S, S = 1 + h P h, from P, once for each of the readings. Its entries are rounded
+        relative to the variances that the episode came from; those of P h relative to sum |h_k| std_k, which exceeds
+        sqrt(S) where the parts of h P h cancel, as where a nearly noiseless gyro knows a combination of M and theta
+        far better than either.
+        """
+        fresh = np.where(self.tasks["decision"] == 0)[0]
+        widest = np.concatenate([np.maximum.accumulate(part) for part in np.split(variance, fresh) if len(part)])
+        shrunk = np.max(widest / np.where(variance > 0.0, variance, np.inf), axis=1)
+        reach = np.sum(np.abs(self._rows()) @ np.sqrt(variance)[:, :, None], axis=(1, 2))
+        return np.finfo(float).eps * variance.shape[1] * (shrunk + reach)
+
+    def _rows(self) -> np.ndarray:
+        """(rows, readings, size) derivatives of the whitened readings by the state."""
+        beliefs = self.beliefs
+        p, size = beliefs["prior_theta"].shape[1], beliefs["mean"].shape[1]
+        if beliefs["kind"][0] != MOMENTUM:
+            n = size - 3 - p
+            std = np.concatenate([np.full(3, beliefs["gyro_std"][0]), np.full(n, beliefs["tachometer_std"][0])])
+            return np.delete(np.eye(size), np.s_[3 : 3 + p], axis=0)[None] / std[:, None]
+        flexibility = np.linalg.inv(self.info["inertia_estimate"])
+        momentum = beliefs["mean"][:, :3] - beliefs["wheel_input"][:, :3]
+        omega = (flexibility @ momentum[:, :, None])[:, :, 0]
+        by_theta = flexibility @ np.array([regressor(rate, p) for rate in omega])
+        noise = flexibility @ beliefs["wheel_momentum_covariance"] @ flexibility
+        noise += beliefs["gyro_std"][:, None, None] ** 2 * np.eye(3)
+        rows = np.concatenate([flexibility, -by_theta, np.zeros_like(flexibility)], axis=2)
+        return np.linalg.solve(np.linalg.cholesky(noise), rows)
 
     def _drift(self, slack: float) -> float:
         """Largest relative change of |M| over a decision without external torque; 0 where there is one."""
