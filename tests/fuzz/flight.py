@@ -8,8 +8,9 @@ import gymnasium
 import numpy as np
 
 from satid_gym import SatInertiaIDEnv
+from satid_gym.core.kalman import _FLOOR
 from satid_gym.core.records import MOMENTUM
-from satid_gym.estimators.reference_model import regressor
+from satid_gym.estimators.reference_model import tensor
 from satid_gym.interface import DRAW_FAILED, INFO_KEYS
 from tests.fuzz.configuration import Configuration, fastest_turn
 
@@ -211,33 +212,31 @@ class _Log:
     def _rounding(self, variance: np.ndarray) -> np.ndarray:
         """(rows,) how far rounding may move the correlation's eigenvalues.
 
-        An update takes P h (P h)^T / S, S = 1 + h P h, from P, once for each of the readings. Its entries are rounded
+        An update takes P h (P h)^T / S, S = 1 + h P h, from P, once for each whitened reading. Its entries are rounded
         relative to the variances that the episode came from; those of P h relative to sum |h_k| std_k, which exceeds
         sqrt(S) where the parts of h P h cancel, as where a nearly noiseless gyro knows a combination of M and theta
         far better than either.
         """
-        fresh = np.where(self.tasks["decision"] == 0)[0]
+        fresh = np.flatnonzero(self.tasks["decision"] == 0)
         widest = np.concatenate([np.maximum.accumulate(part) for part in np.split(variance, fresh) if len(part)])
         shrunk = np.max(widest / np.where(variance > 0.0, variance, np.inf), axis=1)
-        reach = np.sum(np.abs(self._rows()) @ np.sqrt(variance)[:, :, None], axis=(1, 2))
-        return np.finfo(float).eps * variance.shape[1] * (shrunk + reach)
+        return np.finfo(float).eps * variance.shape[1] * (shrunk + self._reach(np.sqrt(variance)))
 
-    def _rows(self) -> np.ndarray:
-        """(rows, readings, size) derivatives of the whitened readings by the state."""
-        beliefs = self.beliefs
-        p, size = beliefs["prior_theta"].shape[1], beliefs["mean"].shape[1]
-        if beliefs["kind"][0] != MOMENTUM:
-            n = size - 3 - p
-            std = np.concatenate([np.full(3, beliefs["gyro_std"][0]), np.full(n, beliefs["tachometer_std"][0])])
-            return np.delete(np.eye(size), np.s_[3 : 3 + p], axis=0)[None] / std[:, None]
-        flexibility = np.linalg.inv(self.info["inertia_estimate"])
-        momentum = beliefs["mean"][:, :3] - beliefs["wheel_input"][:, :3]
-        omega = (flexibility @ momentum[:, :, None])[:, :, 0]
-        by_theta = flexibility @ np.array([regressor(rate, p) for rate in omega])
-        noise = flexibility @ beliefs["wheel_momentum_covariance"] @ flexibility
-        noise += beliefs["gyro_std"][:, None, None] ** 2 * np.eye(3)
-        rows = np.concatenate([flexibility, -by_theta, np.zeros_like(flexibility)], axis=2)
-        return np.linalg.solve(np.linalg.cholesky(noise), rows)
+    def _reach(self, std: np.ndarray) -> np.ndarray:
+        """(rows,) upper bound of sum |h_k| std_k over the readings, wherever the filter linearised them.
+
+        Of the MomentumEKF h^T h = (sigma_gyro^2 J^2 + N)^-1 for M, and no estimate of J is below its floor.
+        """
+        belief = self.beliefs[0]
+        p = len(belief["prior_theta"])
+        if belief["kind"] != MOMENTUM:
+            wheels = std[:, 3 + p :].sum(axis=1) / belief["tachometer_std"]
+            return std[:, :3].sum(axis=1) / belief["gyro_std"] + wheels
+        softest = _FLOOR * np.linalg.eigvalsh(tensor(belief["prior_theta"]))[0]
+        spin = max(np.linalg.eigvalsh(belief["wheel_momentum_covariance"])[0], 0.0)
+        sharpest = 3.0 / np.hypot(belief["gyro_std"] * softest, np.sqrt(spin))
+        rate = np.linalg.norm(self.plants["gyro"], axis=1)
+        return sharpest * (std[:, :3].sum(axis=1) + rate * std[:, 3 : 3 + p].sum(axis=1))
 
     def _drift(self, slack: float) -> float:
         """Largest relative change of |M| over a decision without external torque; 0 where there is one."""
