@@ -335,13 +335,14 @@ def advance(plant, torque, duration):
         if (bends or (plant.law == STEP and plant.stepped == 0)) and plant.law_time < end:
             stop = plant.law_time
         h = stop - plant.time
-        m, q, wheels, drift = _rk4(plant, torque, h)
-        for _ in range(_MOST_HALVINGS):
-            if _keeps_size(m, wheels, drift):
+        halvings = 0
+        while True:
+            m, q, wheels, drift = _rk4(plant, torque, h)
+            if halvings == _MOST_HALVINGS or _keeps_size(m, wheels, drift):
                 break
+            halvings += 1
             h *= 0.5
             stop = plant.time + h
-            m, q, wheels, drift = _rk4(plant, torque, h)
         over = _overspeed(plant, torque, h, m, wheels)
         if over > 0.5 * _AT_LIMIT:
             h = _until_limit(plant, torque, h, over)
