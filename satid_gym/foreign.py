@@ -62,18 +62,22 @@ class ForeignFilter:
             gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()
             self.estimator.predict(wheel_speed, float(task["sample_period"]))
             self._take_belief()
-            self._beliefs["unread"] = plant["gyro_flagged"]
-            if plant["gyro_flagged"]:
-                report["nis"] = 0.0
-            else:
-                before = self._spread()
-                report["nis"] = self.estimator.update(gyro, wheel_speed)
-                self._take_belief()
-                gain += before - self._spread()
+            before = self._spread()
+            report["nis"] = self._update(gyro, wheel_speed)
+            self._take_belief()
+            gain += before - self._spread()
             kernels.note_rate(self._plants, self._beliefs, self._reports)
         report["information_gain"] = first - self._spread() if task["net"] else gain
         kernels.conclude(self._plants, self._beliefs, self._tasks, self._work, self._reports, self._observation[0])
         return bool(self._beliefs["broken"][0])
+
+    def _update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
+        """Give the estimator what is not flagged of a reading; its normalised innovation squared, 0 without any."""
+        if not self._plants[0]["gyro_flagged"]:
+            return self.estimator.update(gyro, wheel_speed)
+        if hasattr(self.estimator, "update_wheels"):
+            return float(self.estimator.update_wheels(wheel_speed))
+        return 0.0
 
     def _take_belief(self) -> None:
         """Copy the estimator's state into the core's belief."""
@@ -87,9 +91,12 @@ class ForeignFilter:
             )
         belief["mean"] = mean[:size]
         belief["covariance"] = covariance[:size, :size]
+        plant = self._plants[0]
+        accepted, speed = getattr(self.estimator, "accepted", None) or (True, plant["tachometer"])
+        belief["coasting"] = plant["gyro_flagged"] or not accepted
+        belief["speed"], belief["stuck"] = speed, speed != plant["tachometer"]
         if belief["kind"] == MOMENTUM:
-            spin = belief["wheel_inertia"] * self._plants[0]["tachometer"]
-            belief["wheel_input"][:3] = belief["axes"] @ spin
+            belief["wheel_input"][:3] = belief["axes"] @ (belief["wheel_inertia"] * speed)
 
     def _spread(self) -> float:
         return kernels.spread(self._beliefs, self._work, self._tasks["criterion"][0])

@@ -25,7 +25,7 @@ class RewardSettings(Config):
         held_scale: reward for every nat by which theta is better known at the decision's end than before launch.
         held_reference: nats held at which that reward is zero; it keeps returns small.
         envelope_weight: penalty for a unit of excess: the largest measured rate of the decision over the rate
-            limit, less the margin, where positive, summed over axes. Where the filter refuses a reading or gets
+            limit, less the margin, where positive, summed over axes. Where the filter rejects a reading or gets
             none, its own estimate of the rate takes the reading's place.
         envelope_margin: fraction of the rate limit at which the penalty begins.
         effort_weight: penalty for the mean square of the action.

@@ -66,7 +66,8 @@ def simulate(
         law: how the inertia varies; static where None.
         disturbance: external torque: a `Disturbance`, or (3,) N m constant in the body frame.
         substeps: Runge-Kutta steps in each dt; the error goes with the fourth power of the angle turned in one
-            of them. None takes ten, or more where that angle could exceed 0.01 rad.
+            of them. One that would not keep |M| is halved. None takes ten, or more where that angle could exceed
+            0.01 rad.
 
     Returns:
         Trajectory.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
-from satid_gym import SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario
-from satid_gym.estimators import FilterpyMomentumEKF, FilterpyMomentumUKF
+from satid_gym import SCENARIOS, InertiaLaw, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario, simulate
+from satid_gym.estimators import FilterpyMomentumEKF, FilterpyMomentumUKF, FilterpyRateEKF, MomentumEKF, brief
 from satid_gym.faults import FAULTS, SWITCHES
 
 GATE = {"name": "momentum", "gate": 1e-6}
@@ -64,7 +67,10 @@ def test_without_faults_the_truth_is_what_it_was_before_there_were_any(scenario)
 @pytest.mark.compiled
 @pytest.mark.parametrize("seed", [64, 72])
 def test_gated_filter_equals_filterpy_over_an_episode(seed):
-    """All faults at once, in the environment: means by their size, covariances by standard deviations."""
+    """All faults at once, in the environment: means by their size, covariances by standard deviations.
+
+    Observation and reward are the same as well: they show what the filter accepts of the readings.
+    """
     faults = SCENARIOS["faults"].faults.replace(gyro_dropout=1.0, tachometer_stuck=1.0)
     scenario = SCENARIOS["faults"].replace(faults=faults)
     fast = SatInertiaIDEnv(scenario=scenario, inertia="step")
@@ -75,6 +81,8 @@ def test_gated_filter_equals_filterpy_over_an_episode(seed):
     for t in range(300):
         one, other = fast.step(square(t)), slow.step(square(t))
         assert one[4]["nis"] == pytest.approx(other[4]["nis"], rel=1e-6, abs=1e-9)
+        np.testing.assert_allclose(one[0], other[0], rtol=1e-6, atol=1e-6, err_msg=f"decision {t}")
+        assert one[1] == pytest.approx(other[1], rel=1e-6, abs=1e-9)
         means.append([env._beliefs["mean"][0].copy() for env in (fast, slow)])
         covariances.append([env._beliefs["covariance"][0].copy() for env in (fast, slow)])
     mean, covariance = np.array(means), np.array(covariances)
@@ -82,6 +90,39 @@ def test_gated_filter_equals_filterpy_over_an_episode(seed):
     std = np.sqrt(np.einsum("tii->ti", covariance[:, 0]))
     assert (np.abs(covariance[:, 0] - covariance[:, 1]) / (std[:, :, None] * std[:, None, :])).max() < 1e-9
     assert fast._reports["rejected"][0] > 0
+
+
+@pytest.mark.compiled
+def test_a_plugged_in_compiled_filter_is_seen_as_the_environments_own():
+    scenario = world(gyro_dropout=1.0, gyro_outlier=0.02, tachometer_stuck=1.0)
+    own, plugged = (SatInertiaIDEnv(scenario=scenario, estimator=e) for e in (GATE, MomentumEKF(gate=1e-6)))
+    own.reset(seed=3)
+    plugged.reset(seed=3)
+    differs = False
+    for t in range(60):
+        one, other = own.step(square(t))[0], plugged.step(square(t))[0]
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6, err_msg=f"decision {t}")
+        raw = own._plants["gyro"][0] / own._tasks["rate_limit"][0]
+        differs = differs or bool(np.abs(one[:3] - raw).max() > 0.01)
+    assert differs  # from the raw reading, in the dropout
+
+
+@pytest.mark.compiled
+def test_rate_filter_uses_the_tachometers_while_the_gyro_is_flagged():
+    """As filterpy's does; the wheels' speeds stay as well known as they were."""
+    scenario = world(gyro_dropout=1.0, gyro_dropout_duration=(10.0, 10.0))
+    fast, slow = (SatInertiaIDEnv(scenario=scenario, estimator=e) for e in ("rate", FilterpyRateEKF()))
+    fast.reset(seed=0)
+    slow.reset(seed=0)
+    wheels = []
+    for t in range(40):
+        one, other = fast.step(square(t))[4], slow.step(square(t))[4]
+        assert one["nis"] == pytest.approx(other["nis"], rel=1e-6)
+        assert one["nis"] > 0.0
+        mean = fast._beliefs["mean"][0]
+        np.testing.assert_allclose(mean, slow._beliefs["mean"][0], rtol=0, atol=1e-9 * np.abs(mean).max())
+        wheels.append(np.diag(fast._beliefs["covariance"][0])[6:].copy())
+    assert (wheels[29] <= wheels[19]).all()  # end and beginning of the dropout
 
 
 @pytest.mark.compiled
@@ -266,7 +307,60 @@ def test_a_step_of_inertia_is_not_gated_away():
 
 
 @pytest.mark.compiled
-def test_a_refused_outlier_costs_no_reward():
+def test_a_noiseless_gyro_may_repeat_itself():
+    """A body at rest: every reading is the same to the bit, and rightly."""
+    calm = {"disturbance_scale": 0.0, "gravity_gradient": False, "solar_pressure": 0.0, "torque_noise": 0.0}
+    scenario = world().replace(gyro_noise_std=0.0, initial_rate_std=0.0, wheel_speed_range=0.0, **calm)
+    for estimator in (GATE, FilterpyMomentumEKF(gate=1e-6)):
+        env = SatInertiaIDEnv(inertia="static", scenario=scenario, estimator=estimator)
+        env.reset(seed=0)
+        for _ in range(3):
+            env.step(np.zeros(3))
+        assert (env._plants["gyro"] == 0.0).all()
+        assert env._reports["rejected"][0] == 0
+        assert env._beliefs["coasting"][0] == 0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("new", [MomentumEKF, FilterpyMomentumEKF])
+def test_a_change_is_dated_by_its_first_rejection_through_an_outage(new, microsat):
+    """J steps, a reading is rejected, the gyro is gone for 3 s, another is rejected; the third leaves honesty."""
+    speed = 0.5 * microsat.wheels.max_speed * [1.0, -1.0, 1.0]
+    flight = simulate(
+        microsat, np.zeros((300, 3)), 0.1, omega0=(0.02, -0.03, 0.01), wheel_speed0=speed,
+        law=InertiaLaw("step", size=0.1, time=20.0),
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    gyro = flight.omega + rng.normal(0.0, 5e-5, flight.omega.shape)
+    tachometer = flight.wheel_speed + rng.normal(0.0, 0.1, flight.wheel_speed.shape)
+    ekf = new(gate=1e-6)
+    ekf.reset(brief(microsat, SCENARIOS["default"]), gyro[0], tachometer[0])
+    for i in range(1, 233):
+        ekf.predict(tachometer[i], 0.1)
+        if not 200 < i < 231:
+            ekf.update(gyro[i], tachometer[i])
+            assert ekf.accepted[0] == (i not in (200, 231)), i
+    error = ekf.mean - np.concatenate([flight.momentum[232], np.diag(flight.inertia[232]), np.zeros(3)])
+    assert error @ np.linalg.solve(ekf.covariance, error) < chi2.isf(1e-4, 9)
+
+
+@pytest.mark.compiled
+def test_covariance_is_symmetric_to_the_bit_whatever_fails(microsat):
+    """Inflated for tilted wheels without tachometer and for a changed inertia, and reinitialised after an outage."""
+    wheels = dataclasses.replace(microsat.wheels, axes=Rotation.from_rotvec([0.4, -0.3, 0.5]).as_matrix())
+    scenario = world(gyro_dropout=1.0, gyro_outlier=0.3, tachometer_stuck=1.0)
+    tilted = microsat.replace(name="tilted", wheels=wheels)
+    env = SatInertiaIDEnv(tilted, "step", scenario, estimator={**GATE, "parameters": "full"})
+    env.reset(seed=0)
+    for t in range(60):
+        env.step(square(t))
+        covariance = env._beliefs["covariance"][0]
+        np.testing.assert_array_equal(covariance, covariance.T, err_msg=f"decision {t}")
+    assert env._reports["rejected"][0] > 30
+
+
+@pytest.mark.compiled
+def test_a_rejected_outlier_costs_no_reward():
     """What the filter takes for an outlier is no excess of the envelope: the body is at rest here."""
     scenario = world(60.0, gyro_outlier=0.02, gyro_outlier_size=(2000.0, 2000.0)).replace(disturbance_scale=0.0)
     env = SatInertiaIDEnv(scenario=scenario, reward={"gain_scale": 0.0})

@@ -59,6 +59,11 @@ def cross(a, b):
 
 
 @inline
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inline
 def norm(v):
     """Length of a 3-vector."""
     return (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) ** 0.5

@@ -20,6 +20,7 @@ from satid_gym.core.algebra import (
     axpy,
     axpy_symmetric,
     cross,
+    dot,
     inverse,
     load,
     load_symmetric,
@@ -34,6 +35,8 @@ from satid_gym.core.records import DRIFT, PERIODIC, STEP
 _AT_LIMIT = 1e-11  # relative to the speed limit
 _MOST_TURN = 0.5  # rad, that body and momentum may turn against each other in one Runge-Kutta step
 _MOST_STEPS = 10_000.0
+_MOST_DRIFT = 1e-8  # of |M| in one Runge-Kutta step, relative to M and A h; beyond it the step is halved
+_MOST_HALVINGS = 20
 _MOST_EVENTS = 100  # within one advance; past it wheels at their limit stay there until its end
 _MOST_TRIALS = 60  # of the search for the moment a wheel reaches its limit
 
@@ -195,7 +198,12 @@ def _axpy4(k, a, b):
 
 @inline
 def _rk4(plant, torque, h):
-    """(M, q, A h) after h seconds of constant motor torque, by the classical Runge-Kutta method."""
+    """(M, q, A h) after h seconds of constant motor torque, by the classical Runge-Kutta method, and its drift.
+
+    M turns, and only torque from outside changes its size: d|M|^2/dt = 2 M . tau. What the method adds to its own
+    quadrature of that is error, and its slopes m_i tell how much: |sum h b_i m_i|^2 - 2 h^2 sum b_i a_ij m_i . m_j.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), theorem IV.2.2.
+    """
     t = plant.time
     m, a = load(plant.momentum), plant.attitude
     q = (a[0], a[1], a[2], a[3])
@@ -208,9 +216,18 @@ def _rk4(plant, torque, h):
     m3, q3 = _slopes(plant, free, t + 0.5 * h, axpy(0.5 * h, m2, m), _axpy4(0.5 * h, q2, q), half)
     m4, q4 = _slopes(plant, free, t + h, axpy(h, m3, m), _axpy4(h, q3, q), end)
     k = h / 6.0
-    m = axpy(k, axpy(2.0, add(m2, m3), add(m1, m4)), m)
+    slope = axpy(2.0, add(m2, m3), add(m1, m4))
+    drift = k * k * dot(slope, slope) - 2.0 * h * k * (dot(m1, m2) + dot(m2, m3) + dot(m3, m4))
+    m = axpy(k, slope, m)
     q = _axpy4(k, _axpy4(2.0, q2, _axpy4(2.0, q3, _axpy4(1.0, q1, q4))), q)
-    return m, q, end
+    return m, q, end, abs(drift)
+
+
+@inline
+def _keeps_size(m, wheels, drift):
+    """Whether a step to M and A h that adds `drift` to |M|^2 keeps |M|."""
+    size = dot(m, m)
+    return drift * drift <= _MOST_DRIFT**2 * size * (size + dot(wheels, wheels))
 
 
 @inline
@@ -270,7 +287,7 @@ def _until_limit(plant, torque, h, over):
     last = 0
     for _ in range(_MOST_TRIALS):
         h = high - f_high * (high - low) / (f_high - f_low)
-        m, _q, wheels = _rk4(plant, torque, h)
+        m, _q, wheels, _drift = _rk4(plant, torque, h)
         f = _overspeed(plant, torque, h, m, wheels)
         if abs(f) <= 0.5 * _AT_LIMIT:
             return h
@@ -306,7 +323,8 @@ def _limit_speeds(plant):
 def advance(plant, torque, duration):
     """Move the plant on by `duration` seconds of constant motor torque (n,), already within its limit.
 
-    One Runge-Kutta step, or several where J steps, its drift ends or a wheel reaches its limit on the way.
+    One Runge-Kutta step, or several where J steps, its drift ends or a wheel reaches its limit on the way, or where
+    one step would not keep |M|.
     """
     end = plant.time + duration
     events = 0
@@ -317,12 +335,20 @@ def advance(plant, torque, duration):
         if (bends or (plant.law == STEP and plant.stepped == 0)) and plant.law_time < end:
             stop = plant.law_time
         h = stop - plant.time
-        m, q, wheels = _rk4(plant, torque, h)
+        halvings = 0
+        while True:
+            m, q, wheels, drift = _rk4(plant, torque, h)
+            if halvings == _MOST_HALVINGS or _keeps_size(m, wheels, drift):
+                break
+            halvings += 1
+            h *= 0.5
+            stop = plant.time + h
         over = _overspeed(plant, torque, h, m, wheels)
         if over > 0.5 * _AT_LIMIT:
             h = _until_limit(plant, torque, h, over)
             stop = min(plant.time + h, end)
-            m, q, wheels = _rk4(plant, torque, h)
+            m, q, wheels, _drift = _rk4(plant, torque, h)
+            events += 1
         for k in range(torque.shape[0]):
             if plant.locked[k] == 0:
                 plant.wheel_momentum[k] += h * torque[k]
@@ -335,7 +361,6 @@ def advance(plant, torque, duration):
             plant.stepped = 1
         set_speeds(plant)
         _limit_speeds(plant)
-        events += 1
 
 
 @inline

@@ -86,13 +86,24 @@ def condition(belief, work, gyro, tachometer):
 
 
 @inline
-def take_reading(plant, belief, work):
-    """Update the belief with the present readings, if the gyro has one; normalised innovation squared, else 0."""
-    if plant.gyro_flagged != 0:
-        belief.unread = 1
+def condition_wheels(belief, work, tachometer):
+    """Update the belief with the tachometers alone; normalised innovation squared per degree of freedom."""
+    if belief.kind == MOMENTUM:
         return 0.0
+    return rate_filter.condition_wheels(belief, work, tachometer) / tachometer.shape[0]
+
+
+@inline
+def take_reading(plant, belief, work):
+    """Update the belief with those of the present readings that are not flagged; normalised innovation squared.
+
+    Without gyro the MomentumEKF has nothing to update: the tachometers are its prediction's input.
+    """
+    if plant.gyro_flagged != 0:
+        belief.coasting = 1
+        return condition_wheels(belief, work, plant.tachometer)
     if belief.gate == 0.0:
-        belief.unread = 0
+        belief.coasting = 0
     return condition(belief, work, plant.gyro, plant.tachometer)
 
 

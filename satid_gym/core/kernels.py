@@ -81,6 +81,15 @@ def _condition_filter(fingerprint):
     return condition_filter
 
 
+def _condition_filter_wheels(fingerprint):
+    def condition_filter_wheels(beliefs, work, tachometer):
+        """Update the belief with the tachometers alone; normalised innovation squared per degree of freedom."""
+        fingerprint  # noqa: B018
+        return episode.condition_wheels(beliefs[0], work[0], tachometer)
+
+    return condition_filter_wheels
+
+
 def _run_filter(fingerprint):
     def run_filter(beliefs, work, gyro, tachometer, dt, mean, covariance, nis):
         """Filter readings gyro (N, 3) and tachometer (N, n), the first of which starts the belief."""
@@ -156,6 +165,7 @@ law_inertia = kernel(_law_inertia)
 start_filter = kernel(_start_filter)
 predict_filter = kernel(_predict_filter)
 condition_filter = kernel(_condition_filter)
+condition_filter_wheels = kernel(_condition_filter_wheels)
 run_filter = kernel(_run_filter)
 command = kernel(_command)
 sample = kernel(_sample)

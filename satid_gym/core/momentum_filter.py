@@ -88,11 +88,11 @@ def _start_momentum(belief, work, gyro):
                 total += regressor[i, k] * covariance[3 + k, 3 + j]
             covariance[i, 3 + j] = covariance[3 + j, i] = total
     for i in range(3):
-        for j in range(3):
+        for j in range(i, 3):
             total = moment[i, j]
             for k in range(p):
                 total += covariance[i, 3 + k] * regressor[j, k]
-            covariance[i, j] = total
+            covariance[i, j] = covariance[j, i] = total
 
 
 @inline
@@ -138,7 +138,7 @@ def predict(belief, work, tachometer, dt):
         propagate(belief, work, h)
         _add_tachometer_noise(belief, work, middle, noise, h * dt)
     if belief.gate > 0.0:
-        vetting.loosen(belief, flexibility, dt)
+        vetting.inflate_momentum(belief, flexibility, dt)
     store(belief.wheel_input, after)
 
 
@@ -195,20 +195,20 @@ def condition(belief, work, gyro):
         return 0.0
     _linearise(belief, work, gyro)
     if gated:
-        verdict = vetting.ANEW
-        if not vetting.is_lost(belief):
-            verdict = vetting.refuse(belief, work, 3 + belief.prior_theta.shape[0])
+        verdict = vetting.REINITIALISE
+        if not vetting.is_momentum_lost(belief):
+            verdict = vetting.reject(belief, work, 3 + belief.prior_theta.shape[0])
         if verdict > 0.0:
             return verdict
-        if verdict == vetting.ANEW:
+        if verdict == vetting.REINITIALISE:
             _start_momentum(belief, work, gyro)
-            belief.unread = belief.vouched = 0
+            belief.coasting = belief.confirmed = 0
             return 0.0
-    belief.unread, belief.vouched = 0, 1
+    belief.coasting, belief.confirmed = 0, 1
     momentum = load(belief.mean)
     nis = _update(belief, work, gyro)
     if gated:
-        vetting.follow_dead_wheels(belief, momentum)
+        vetting.follow_unmeasured_wheels(belief, momentum)
     return nis
 
 

@@ -40,8 +40,8 @@ def _write(out, i, value):
 
 @inline
 def rate_to_go_by(belief, gyro):
-    """The gyro's reading or, where the filter believes none of this instant, the filter's own rate."""
-    if belief.unread == 0:
+    """The gyro's reading or, where the filter coasts, the filter's own rate."""
+    if belief.coasting == 0:
         return load(gyro)
     if belief.kind == MOMENTUM:
         return momentum_filter.rate(belief)
@@ -68,7 +68,7 @@ def observe(belief, task, gyro, tachometer, out):
     for k in range(3):
         i = _write(out, i, reading[k] / task.rate_limit)
     for k in range(n):
-        speed = tachometer[k] if belief.dead[k] == 0 else belief.speed[k]
+        speed = tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
         i = _write(out, i, speed / task.wheel_speed_max[k])
     for k in range(p):
         i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])

@@ -104,16 +104,31 @@ def predict(belief, work, tachometer, dt):
 @inline
 def condition(belief, work, gyro, tachometer):
     """Update with gyro (3,) and tachometer (n,); normalised innovation squared, 3 + n degrees of freedom."""
-    p, n = belief.prior_theta.shape[0], tachometer.shape[0]
-    size = belief.mean.shape[0]
-    rows = work.rows
-    for r in range(3 + n):
-        for j in range(size):
-            rows[r, j] = 0.0
     for i in range(3):
-        rows[i, i] = 1.0 / belief.gyro_std
-        work.innovation[i] = (gyro[i] - belief.mean[i]) / belief.gyro_std
-    for k in range(n):
-        rows[3 + k, 3 + p + k] = 1.0 / belief.tachometer_std
-        work.innovation[3 + k] = (tachometer[k] - belief.mean[3 + p + k]) / belief.tachometer_std
-    return update(belief, work, 3 + n, size)
+        _write_row(belief, work, i, i, gyro[i], belief.gyro_std)
+    _write_wheel_rows(belief, work, 3, tachometer)
+    return update(belief, work, 3 + tachometer.shape[0], belief.mean.shape[0])
+
+
+@inline
+def condition_wheels(belief, work, tachometer):
+    """Update with tachometer (n,) alone; normalised innovation squared, n degrees of freedom."""
+    _write_wheel_rows(belief, work, 0, tachometer)
+    return update(belief, work, tachometer.shape[0], belief.mean.shape[0])
+
+
+@inline
+def _write_wheel_rows(belief, work, first, tachometer):
+    """Rows of the tachometers, from row `first` on."""
+    place = 3 + belief.prior_theta.shape[0]
+    for k in range(tachometer.shape[0]):
+        _write_row(belief, work, first + k, place + k, tachometer[k], belief.tachometer_std)
+
+
+@inline
+def _write_row(belief, work, r, state, reading, std):
+    """Row r: a reading of one state with that noise."""
+    for j in range(belief.mean.shape[0]):
+        work.rows[r, j] = 0.0
+    work.rows[r, state] = 1.0 / std
+    work.innovation[r] = (reading - belief.mean[state]) / std

@@ -125,17 +125,19 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("wheel_input", _F, max(3, n)),  # last A j Omega (3) for MOMENTUM, last Omega (n) for RATE
             ("guarded", _I),  # updates shortened because the inertia would have left its physical range
             ("broken", _I),  # 1 once the covariance was not positive definite
-            ("unread", _I),  # 1: there is no gyro reading of this instant that the filter believes
+            ("coasting", _I),  # 1: the filter has accepted no gyro reading of this instant
             # which readings are believed, see core.vetting; gate 0: all
-            ("gate", _F),  # normalised innovation squared beyond which a reading is refused
-            ("refusals", _I),  # in a row
-            ("vouched", _I),  # 1: a reading has agreed with the one that M was started with
-            ("rejected", _I),  # readings refused or found to be no new ones
+            ("gate", _F),  # normalised innovation squared beyond which a reading is rejected
+            ("gyro_noisy", _I),  # 0: the gyro is said to have no noise
+            ("rejections", _I),  # in a row
+            ("since_rejection", _I),  # samples since the first of them; void where there is none
+            ("confirmed", _I),  # 1: a reading has agreed with the one that M was started with
+            ("rejected", _I),  # readings rejected, or found to be no new ones
             ("last_gyro", _F, 3),
             ("last_speed", _F, n),  # of the tachometers
             ("speed", _F, n),  # that the filter goes by
-            ("dead", _I, n),  # 1: the tachometer repeats itself; 2: did so until this reading
-            ("blind", _I),  # samples for which a tachometer and the gyro had nothing to say
+            ("stuck", _I, n),  # 1: the tachometer repeats itself; 2: did so until this reading
+            ("outage", _I),  # samples for which neither the gyro nor a stuck tachometer had anything to say
             ("torque_max", _F, n),
         ],
         align=True,

@@ -1,14 +1,15 @@
 """Which readings the MomentumEKF believes, where its gate is on.
 
-A reading of a noisy sensor that repeats the last one to the bit is no new reading. A gyro reading whose
-normalised innovation squared is beyond the gate is refused; one after _PATIENCE refusals in a row is believed,
-for then the model is what is wrong: the inertia has changed, or the reading that M was started with was no good.
+A reading of a noisy sensor that repeats the last one to the bit is no new reading; without noise a body at rest
+repeats its readings rightly. A gyro reading whose normalised innovation squared is beyond the gate is rejected; one
+after _PATIENCE rejections in a row is accepted, for then the model is what is wrong: the inertia has changed, or the
+reading that M was started with was no good. Where no reading of the gyro is accepted the filter coasts.
 
-A wheel whose tachometer repeats itself is taken to follow its command, and may do otherwise by more than any
+A wheel whose tachometer is stuck is taken to follow its command, and may do otherwise by more than any
 motor can. The gyro then measures M - a = J omega, and momentum, which the wheels cannot change, says what went
-into the wheel: the update's part along its axis is taken as motion of the wheel (`follow_dead_wheels`). M - a,
-and with it the covariance, does not depend on how an update is shared out among the two. Without the gyro as
-well nobody knows how the body turns, so M starts anew when both are back; theta keeps what it was.
+into the wheel: the update's part along its axis is taken as motion of the wheel (`follow_unmeasured_wheels`). M - a,
+and with it the covariance, does not depend on how an update is shared out among the two. After an outage of the gyro
+as well nobody knows how the body turns, so M is reinitialised when both are back; theta keeps what it was.
 Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
 (2001), ch. 5.4.
 """
@@ -19,18 +20,18 @@ from satid_gym.core.algebra import axpy, cross, inverse, load, multiply, store, 
 from satid_gym.core.dynamics import along_axis, wheel_axis
 from satid_gym.core.jit import inline
 
-_DEAD, _BACK = 1, 2  # tachometer repeats itself; did so until the last reading
+_STUCK, _RECOVERED = 1, 2  # tachometer repeats itself; did so until the last reading
 _FREEDOM = 10.0  # spin that a wheel may take up, over what its motor can: a tighter bound would tell of J
-_BLIND = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
+_LONGEST_OUTAGE = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
 _PATIENCE = 2
-ANEW = -1.0  # verdict on a reading with which momentum is to be started anew
-_STEP = 0.1  # std of the change of each moment that a run of refusals stands for, relative to the prior
+REINITIALISE = -1.0  # verdict on a reading with which momentum is to be started
+_STEP = 0.1  # std of the change of each moment that a run of rejections stands for, relative to the prior
 
 
 @inline
 def begin(belief, gyro, tachometer):
     """Take the first reading as it is."""
-    belief.vouched = 0
+    belief.confirmed = 0
     store(belief.last_gyro, load(gyro))
     for k in range(tachometer.shape[0]):
         belief.last_speed[k] = belief.speed[k] = tachometer[k]
@@ -46,62 +47,64 @@ def _shift(belief, k, spin):
 
 @inline
 def vet_tachometers(belief, tachometer, torque, dt):
-    """Write to belief.speed the wheel speeds (n,) to go by, to belief.dead what became of the tachometers.
+    """Write to belief.speed the wheel speeds (n,) to go by, to belief.stuck what became of the tachometers.
 
     A wheel without tachometer is taken to follow the commanded `torque` (n,).
     """
-    alone = False
+    unobserved = False
     for k in range(tachometer.shape[0]):
-        alone = alone or (belief.dead[k] == _DEAD and belief.unread != 0)
+        unobserved = unobserved or (belief.stuck[k] == _STUCK and belief.coasting != 0)
         repeated = tachometer[k] == belief.last_speed[k] and belief.tachometer_std > 0.0
         belief.last_speed[k] = tachometer[k]
         if repeated:
             belief.speed[k] += torque[k] * dt / belief.wheel_inertia[k]
-            belief.dead[k] = _DEAD
+            belief.stuck[k] = _STUCK
         else:
-            if belief.dead[k] == _DEAD:
+            if belief.stuck[k] == _STUCK:
                 _shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
             belief.speed[k] = tachometer[k]
-            belief.dead[k] = _BACK if belief.dead[k] == _DEAD else 0
-    if alone:
-        belief.blind += 1
-    elif belief.blind <= _BLIND:
-        belief.blind = 0
-    belief.unread = 1  # until a gyro reading is believed
+            belief.stuck[k] = _RECOVERED if belief.stuck[k] == _STUCK else 0
+    if unobserved:
+        belief.outage += 1
+    elif belief.outage <= _LONGEST_OUTAGE:
+        belief.outage = 0
+    belief.coasting = 1  # until a gyro reading is accepted
+    belief.since_rejection += 1
 
 
 @inline
-def is_lost(belief):
-    """Whether M - a was without any reading for so long that nothing is known of M; it is over once all are back."""
-    lost = belief.blind > _BLIND
-    for k in range(belief.dead.shape[0]):
-        if belief.dead[k] == _DEAD:
+def is_momentum_lost(belief):
+    """Whether M - a was unobserved for so long that nothing is known of M; it is over once all sensors are back."""
+    lost = belief.outage > _LONGEST_OUTAGE
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] == _STUCK:
             return lost
-    belief.blind = 0
+    belief.outage = 0
     return lost
 
 
 @inline
-def loosen(belief, flexibility, dt):
+def inflate_momentum(belief, flexibility, dt):
     """Add to P_MM what wheels without tachometer may have done in the dt seconds of a prediction.
 
     Spin s taken up evenly moves M - a by -s (A_k + dt / 2 M x J^-1 A_k).
     """
-    for k in range(belief.dead.shape[0]):
-        if belief.dead[k] != 0:
+    covariance = belief.covariance
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] != 0:
             axis = wheel_axis(belief.axes, k)
             g = axpy(0.5 * dt, cross(load(belief.mean), multiply(flexibility, axis)), axis)
             variance = (_FREEDOM * belief.torque_max[k] * dt) ** 2
             for i in range(3):
-                for j in range(3):
-                    belief.covariance[i, j] += variance * g[i] * g[j]
+                for j in range(i, 3):
+                    covariance[i, j] = covariance[j, i] = covariance[i, j] + variance * g[i] * g[j]
 
 
 @inline
-def follow_dead_wheels(belief, momentum):
-    """After an update that began at `momentum`: what it did along the axis of a dead wheel, that wheel did."""
-    for k in range(belief.dead.shape[0]):
-        if belief.dead[k] == _DEAD:
+def follow_unmeasured_wheels(belief, momentum):
+    """After an update that began at `momentum`: what it did along the axis of a wheel without tachometer, it did."""
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] == _STUCK:
             spin = -along_axis(belief.axes, k, subtract(load(belief.mean), momentum))
             _shift(belief, k, spin)
             belief.speed[k] += spin / belief.wheel_inertia[k]
@@ -109,8 +112,8 @@ def follow_dead_wheels(belief, momentum):
 
 @inline
 def is_repeated(belief, gyro):
-    """Whether the gyro reading is no new one, which is counted."""
-    repeated = True
+    """Whether the gyro reading is no new one, which is counted; never where the gyro has no noise."""
+    repeated = belief.gyro_noisy != 0
     for i in range(3):
         repeated = repeated and gyro[i] == belief.last_gyro[i]
         belief.last_gyro[i] = gyro[i]
@@ -146,40 +149,42 @@ def _distance(belief, work, support):
 
 
 @inline
-def refuse(belief, work, support):
-    """Normalised innovation squared of a reading that is refused, 0 of one that is not, or ANEW.
+def reject(belief, work, support):
+    """Normalised innovation squared of a reading that is rejected, 0 of one that is not, or REINITIALISE.
 
-    A run of refusals opens the covariance, or shows that the one reading that M was started with was an outlier.
+    A run of rejections inflates the covariance, or shows that the one reading that M was started with was an outlier.
     """
     x, y, z = load(work.innovation)
     nis = 0.0
     if x * x + y * y + z * z > belief.gate:  # never less than the distance
         nis = _distance(belief, work, support)
     if nis <= belief.gate:
-        belief.refusals = 0
+        belief.rejections = 0
         return 0.0
-    belief.refusals += 1
-    if belief.refusals > _PATIENCE:
-        if belief.vouched == 0:
-            belief.refusals = 0
-            return ANEW
-        _open(belief, work, support - 3)
-        belief.refusals = 0
+    if belief.rejections == 0:
+        belief.since_rejection = 1  # the change came at the beginning of this sample
+    belief.rejections += 1
+    if belief.rejections > _PATIENCE:
+        belief.rejections = 0
+        if belief.confirmed == 0:
+            return REINITIALISE
+        _inflate(belief, work, support - 3)
         return 0.0
     belief.rejected += 1
     return nis
 
 
 @inline
-def _open(belief, work, p):
-    """Add to the covariance a change of theta that came with the first refusal and has moved M since."""
-    covariance, elapsed = belief.covariance, belief.refusals * belief.substeps
+def _inflate(belief, work, p):
+    """Add to the covariance a change of theta that came with the first rejection and has moved M since."""
+    covariance, steps = belief.covariance, belief.since_rejection * belief.substeps
     for k in range(p):
         variance = (_STEP * belief.theta_scale[k]) ** 2
         covariance[3 + k, 3 + k] += variance
         for i in range(3):
-            moved = elapsed * work.transition[i, 3 + k]
+            moved = steps * work.transition[i, 3 + k]
             covariance[i, 3 + k] += moved * variance
             covariance[3 + k, i] += moved * variance
-            for j in range(3):
-                covariance[i, j] += moved * variance * elapsed * work.transition[j, 3 + k]
+            for j in range(i, 3):
+                change = moved * variance * steps * work.transition[j, 3 + k]
+                covariance[i, j] = covariance[j, i] = covariance[i, j] + change

@@ -35,6 +35,7 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
     if isinstance(settings, MomentumEKFSettings):
         row["kind"] = MOMENTUM
         row["gyro_std"] = briefing.gyro_noise_std
+        row["gyro_noisy"] = briefing.gyro_is_noisy
         row["tachometer_std"] = briefing.tachometer_noise_std
         spin_std = wheels.inertia * briefing.tachometer_noise_std
         row["wheel_momentum_covariance"] = (wheels.axes * spin_std**2) @ wheels.axes.T

@@ -98,6 +98,12 @@ class CompiledEKF:
         self._started()
         return float(kernels.condition_filter(self._rows, self._work, self._gyro(gyro), self._speed(wheel_speed)))
 
+    @property
+    def accepted(self) -> tuple[bool, np.ndarray] | None:
+        """Whether the gyro's last reading was accepted, and the wheel speeds (n,) to go by; None without a gate."""
+        row = self._started()
+        return (not row["coasting"], row["speed"].copy()) if row["gate"] > 0.0 else None
+
     def run(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float) -> FilterRun:
         """Filter a whole series of readings.
 
@@ -164,3 +170,8 @@ class RateEKF(CompiledEKF):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(RateEKFSettings.from_dict(settings))
+
+    def update_wheels(self, wheel_speed: np.ndarray) -> float:
+        """Take in the tachometers' reading alone; returns its normalised innovation squared per degree of freedom."""
+        self._started()
+        return float(kernels.condition_filter_wheels(self._rows, self._work, self._speed(wheel_speed)))

@@ -15,9 +15,13 @@ class Estimator(Protocol):
     Its state begins with a 3-vector and theta (p,): [M, theta, tau] in "momentum" coordinates (M: total
     angular momentum, tau: disturbance torque, both body frame), [omega, theta, Omega] in "rate" coordinates.
     Further states may follow. Where it has a method `command(torque)` as well, it is told the motor torque (n,),
-    N m, that each decision commands. A reading that the gyro flags as invalid is not given to `update`, nor are the
-    tachometers' with it. The observation shows the other readings as they are, whether or not the estimator
-    believes them, and info's `guarded` and `rejected` stay 0.
+    N m, that each decision commands. A reading that the gyro flags as invalid is not given to `update`; that of the
+    tachometers then goes to the method `update_wheels(wheel_speed)`, where there is one, which returns what `update`
+    does.
+
+    The observation shows the readings as they are unless the estimator has a property `accepted`, and that is not None:
+    (whether the gyro's last reading was accepted, wheel speeds (n,) to go by). Without an accepted reading of the gyro
+    it shows the estimator's own rate. Info's `guarded` and `rejected` stay 0.
 
     Attributes:
         coordinates: "momentum" or "rate".

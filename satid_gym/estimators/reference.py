@@ -65,6 +65,11 @@ class FilterpyMomentumEKF(Reference):
         if self._vetting is not None:
             self._vetting.torque = np.array(torque)
 
+    @property
+    def accepted(self) -> tuple[bool, np.ndarray] | None:
+        """Whether the gyro's last reading was accepted, and the wheel speeds (n,) to go by; None without a gate."""
+        return None if self._vetting is None else (not self._vetting.coasting, self._vetting.speed.copy())
+
     def _new_filter(self) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(dim_x=self.model.size, dim_z=3)
 
@@ -101,14 +106,14 @@ class FilterpyMomentumEKF(Reference):
             return self._condition(gyro)
         if vetting.repeated(gyro):
             return 0.0
-        refused = None if vetting.lost() else vetting.refuse(kf, self._a, gyro)
-        if refused is None:
+        rejected = None if vetting.momentum_lost() else vetting.reject(kf, self._a, gyro)
+        if rejected is None:
             self.model.start_momentum(kf.x, kf.P, self._a, gyro)
-            vetting.vouched = False
+            vetting.confirmed = False
             return 0.0
-        if refused > 0.0:
-            return refused / 3.0
-        vetting.vouched = True
+        if rejected > 0.0:
+            return rejected / 3.0
+        vetting.confirmed = True
         before = kf.x[:3].copy()
         nis = self._condition(gyro)
         shift = vetting.attribute(kf.x[:3] - before)

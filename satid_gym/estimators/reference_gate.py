@@ -20,69 +20,73 @@ class Vetting:
     Attributes:
         speed: (n,) wheel speeds to go by, rad/s.
         torque: (n,) N m, commanded.
-        vouched: whether a reading has agreed with the one that M was started with.
+        confirmed: whether a reading has agreed with the one that M was started with.
     """
 
     def __init__(self, model: MomentumModel, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         self.model, self.gate = model, gate_distance(model.settings)
         self.gyro, self.tachometer = np.array(gyro), np.array(wheel_speed)
         self.speed, self.torque = np.array(wheel_speed), np.zeros(len(wheel_speed))
-        self.dead = np.zeros(len(wheel_speed), bool)
-        self.back = self.dead.copy()
-        self.unread, self.vouched, self.refusals, self.blind = False, False, 0, 0
+        self.stuck = np.zeros(len(wheel_speed), bool)
+        self.recovered = self.stuck.copy()
+        self.coasting, self.confirmed, self.outage = False, False, 0
+        self.rejections, self.since_rejection = 0, 0
 
     def look(self, wheel_speed: np.ndarray, dt: float) -> np.ndarray:
         """Take in the tachometers; returns what M and a gain (3,) from those that are back."""
-        was, wheels = self.dead, self.model.briefing.wheels
-        self.blind = self.blind + 1 if was.any() and self.unread else self.blind if self.blind > 10 else 0
-        self.dead = (wheel_speed == self.tachometer) & (self.model.briefing.tachometer_noise_std > 0.0)
-        self.back = was & ~self.dead
-        shift = self.model.spin[:, self.back] @ (wheel_speed - self.speed)[self.back]
-        self.speed = np.where(self.dead, self.speed + self.torque * dt / wheels.inertia, wheel_speed)
+        was, wheels = self.stuck, self.model.briefing.wheels
+        self.outage = self.outage + 1 if was.any() and self.coasting else self.outage if self.outage > 10 else 0
+        self.stuck = (wheel_speed == self.tachometer) & (self.model.briefing.tachometer_noise_std > 0.0)
+        self.recovered = was & ~self.stuck
+        shift = self.model.spin[:, self.recovered] @ (wheel_speed - self.speed)[self.recovered]
+        self.speed = np.where(self.stuck, self.speed + self.torque * dt / wheels.inertia, wheel_speed)
         self.tachometer = np.array(wheel_speed)
-        self.unread = True  # until a gyro reading is believed
+        self.coasting = True  # until a gyro reading is accepted
+        self.since_rejection += 1
         return shift
 
     def freedom(self, momentum: np.ndarray, flexibility: np.ndarray, dt: float) -> np.ndarray:
         """(3, 3) covariance of what wheels without tachometer did to M - a."""
         wheels, total = self.model.briefing.wheels, np.zeros((3, 3))
-        for k in np.flatnonzero(self.dead | self.back):
+        for k in np.flatnonzero(self.stuck | self.recovered):
             axis = wheels.axes[:, k]
             way = axis + 0.5 * dt * np.cross(momentum, flexibility @ axis)
             total += (10.0 * wheels.max_torque[k] * dt) ** 2 * np.outer(way, way)
         return total
 
     def repeated(self, gyro: np.ndarray) -> bool:
-        """Whether the gyro repeats itself."""
-        same, self.gyro = bool((gyro == self.gyro).all()), np.array(gyro)
-        self.unread = same
+        """Whether the gyro, which has noise, repeats itself."""
+        same, self.gyro = bool((gyro == self.gyro).all()) and self.model.briefing.gyro_is_noisy, np.array(gyro)
+        self.coasting = same
         return same
 
-    def lost(self) -> bool:
+    def momentum_lost(self) -> bool:
         """Whether nothing is known of M."""
-        lost = self.blind > 10
-        if not self.dead.any():
-            self.blind = 0
+        lost = self.outage > 10
+        if not self.stuck.any():
+            self.outage = 0
         return lost
 
-    def refuse(self, kf: Any, a: np.ndarray, gyro: np.ndarray) -> float | None:
-        """Normalised innovation squared of a reading that is refused, or 0; None where M is to be started anew.
+    def reject(self, kf: Any, a: np.ndarray, gyro: np.ndarray) -> float | None:
+        """Normalised innovation squared of a reading that is rejected, or 0; None where M is to be started anew.
 
-        The third in a row is not refused.
+        The third in a row is accepted.
         """
         model, x = self.model, kf.x
         innovation, slope = gyro - model.rate(x, a), model.measurement_jacobian(x, a, gyro)
         nis = float(innovation @ np.linalg.solve(slope @ kf.P @ slope.T + model.measurement_noise(x), innovation))
         if nis <= self.gate:
-            self.refusals = 0
+            self.rejections = 0
             return 0.0
-        self.refusals += 1
-        if self.refusals < 3:
-            self.unread = True
+        if self.rejections == 0:
+            self.since_rejection = 1
+        self.rejections += 1
+        if self.rejections < 3:
+            self.coasting = True
             return nis
-        p, steps = model.p, self.refusals * model.settings.substeps
-        self.refusals = 0
-        if not self.vouched:
+        p, steps = model.p, self.since_rejection * model.settings.substeps
+        self.rejections = 0
+        if not self.confirmed:
             return None
         way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
         change = (0.1 * model.briefing.theta_scale(model.settings.parameters)) ** 2
@@ -92,7 +96,7 @@ class Vetting:
     def attribute(self, change: np.ndarray) -> np.ndarray:
         """Take the part of an update of M (3,) along the axes of wheels without tachometer as theirs; its opposite."""
         wheels, shift = self.model.briefing.wheels, np.zeros(3)
-        for k in np.flatnonzero(self.dead):
+        for k in np.flatnonzero(self.stuck):
             spin = -wheels.axes[:, k] @ (change + shift)
             shift += spin * wheels.axes[:, k]
             self.speed[k] += spin / wheels.inertia[k]

@@ -68,8 +68,15 @@ class FilterpyRateEKF(Reference):
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
+        keep = np.r_[0:3, 3 + self.p : len(self.filter.x)]
+        return self._condition(np.concatenate([gyro, wheel_speed]), keep, self.filter.R)
+
+    def update_wheels(self, wheel_speed: np.ndarray) -> float:
+        """Take in the tachometers' reading alone; returns its normalised innovation squared per degree of freedom."""
+        return self._condition(wheel_speed, np.arange(3 + self.p, len(self.filter.x)), self.filter.R[3:, 3:])
+
+    def _condition(self, reading: np.ndarray, keep: np.ndarray, noise: np.ndarray) -> float:
         kf = self.filter
-        keep = np.r_[0:3, 3 + self.p : len(kf.x)]
         select = np.eye(len(kf.x))[keep]
-        kf.update(np.concatenate([gyro, wheel_speed]), lambda x: select, lambda x: x[keep])
+        kf.update(reading, lambda x: select, lambda x: x[keep], R=noise)
         return float(kf.y @ kf.SI @ kf.y) / len(keep)

@@ -67,6 +67,11 @@ class Briefing(Config):
         for name in ("prior_std", "product_std", "tachometer_noise_std", "disturbance_std", "disturbance_walk"):
             check_number(name, getattr(self, name))
 
+    @property
+    def gyro_is_noisy(self) -> bool:
+        """Whether the gyro has noise of its own, by which a reading that repeats itself gives itself away."""
+        return self.gyro_noise_std > _LEAST_STD
+
     def theta_scale(self, parameters: Parameters) -> np.ndarray:
         """(p,) moments, and geometric means of two of them for the products."""
         moments = np.diag(self.inertia)
@@ -127,7 +132,7 @@ class MomentumEKFSettings(Config):
         disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the
             briefing's.
         substeps: midpoint steps between two readings.
-        gate: probability at which a gyro reading of an honest filter is refused as an outlier; with it sensors
+        gate: probability at which a gyro reading of an honest filter is rejected as an outlier; with it sensors
             that repeat themselves are not believed, see `satid_gym.core.vetting`. 0: every reading is believed.
     """
 
@@ -148,7 +153,7 @@ class MomentumEKFSettings(Config):
 
 
 def gate_distance(settings: MomentumEKFSettings) -> float:
-    """Normalised innovation squared of a gyro reading beyond which it is refused; 0 where none is."""
+    """Normalised innovation squared of a gyro reading beyond which it is rejected; 0 where none is."""
     return float(scipy.special.chdtri(3, settings.gate)) if settings.gate > 0.0 else 0.0
 
 

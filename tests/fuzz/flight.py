@@ -8,12 +8,14 @@ import gymnasium
 import numpy as np
 
 from satid_gym import SatInertiaIDEnv
+from satid_gym.core.kalman import _FLOOR
+from satid_gym.core.records import MOMENTUM
+from satid_gym.estimators.reference_model import tensor
 from satid_gym.interface import DRAW_FAILED, INFO_KEYS
 from tests.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300
 _ROUNDING = 1e-9
-_SINGULAR = 1e-7  # of the correlation's eigenvalues: sensors without noise leave them at rounding
 _FINE = 0.05  # rad, turned between readings, up to which the integrator is exact to rounding
 _COARSE_DRIFT = 1e-6  # of |M| in a sample, where its own error is larger
 
@@ -203,9 +205,38 @@ class _Log:
         std = np.sqrt(np.where(known, 1.0, variance))
         correlation = covariance / (std[:, :, None] * std[:, None, :]) + known[:, :, None] * np.eye(known.shape[1])
         skew = np.abs(correlation - correlation.transpose(0, 2, 1)).max(axis=(1, 2))
-        _demand(skew < _SINGULAR, "the filter's correlation is not symmetric by", skew)
-        least = np.linalg.eigvalsh(correlation)[:, 0]
-        _demand(least > -_SINGULAR, "the filter's correlation has the eigenvalue", least)
+        _demand(skew == 0.0, "the filter's correlation is not symmetric by", skew)
+        least, rounding = np.linalg.eigvalsh(correlation)[:, 0], self._rounding(variance)
+        _demand(least >= -rounding, "beyond rounding the filter's correlation has the eigenvalue", least, rounding)
+
+    def _rounding(self, variance: np.ndarray) -> np.ndarray:
+        """(rows,) how far rounding may move the correlation's eigenvalues.
+
+        An update takes P h (P h)^T / S, S = 1 + h P h, from P, once for each whitened reading. Its entries are rounded
+        relative to the variances that the episode came from; those of P h relative to sum |h_k| std_k, which exceeds
+        sqrt(S) where the parts of h P h cancel, as where a nearly noiseless gyro knows a combination of M and theta
+        far better than either.
+        """
+        fresh = np.flatnonzero(self.tasks["decision"] == 0)
+        widest = np.concatenate([np.maximum.accumulate(part) for part in np.split(variance, fresh) if len(part)])
+        shrunk = np.max(widest / np.where(variance > 0.0, variance, np.inf), axis=1)
+        return np.finfo(float).eps * variance.shape[1] * (shrunk + self._reach(np.sqrt(variance)))
+
+    def _reach(self, std: np.ndarray) -> np.ndarray:
+        """(rows,) upper bound of sum |h_k| std_k over the readings, wherever the filter linearised them.
+
+        Of the MomentumEKF h^T h = (sigma_gyro^2 J^2 + N)^-1 for M, and no estimate of J is below its floor.
+        """
+        belief = self.beliefs[0]
+        p = len(belief["prior_theta"])
+        if belief["kind"] != MOMENTUM:
+            wheels = std[:, 3 + p :].sum(axis=1) / belief["tachometer_std"]
+            return std[:, :3].sum(axis=1) / belief["gyro_std"] + wheels
+        softest = _FLOOR * np.linalg.eigvalsh(tensor(belief["prior_theta"]))[0]
+        spin = max(np.linalg.eigvalsh(belief["wheel_momentum_covariance"])[0], 0.0)
+        sharpest = 3.0 / np.hypot(belief["gyro_std"] * softest, np.sqrt(spin))
+        rate = np.linalg.norm(self.plants["gyro"], axis=1)
+        return sharpest * (std[:, :3].sum(axis=1) + rate * std[:, 3 : 3 + p].sum(axis=1))
 
     def _drift(self, slack: float) -> float:
         """Largest relative change of |M| over a decision without external torque; 0 where there is one."""
