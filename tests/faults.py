@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -219,8 +219,6 @@ def main() -> int:
         return 2
     with tempfile.TemporaryDirectory() as temporary:
         folder = faults.folder or Path(temporary)
-        # whoever compiles the core rounds otherwise than whoever finds it compiled, so that is done before
-        finish(training(replace(faults, steps=faults.every), folder / "first"))
         seconds = finish(training(faults, folder / "whole"))
         began = time.perf_counter()
         finish(resumption(faults, folder / "whole"))  # has nothing left to do: what starting alone takes

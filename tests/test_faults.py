@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 
 import pytest
 
@@ -43,9 +42,8 @@ def refused(arguments, capsys):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A short training that ended by itself, in a process that found the core compiled; see docs/testing.md."""
+    """A short training that ended by itself."""
     folder = tmp_path_factory.mktemp("faults") / "whole"
-    finish(training(replace(SHORT, steps=SHORT.every), folder.with_name("first")))
     finish(training(SHORT, folder))
     return folder
 

@@ -39,7 +39,11 @@ SOURCE_FINGERPRINT = _fingerprint()
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """Compile a small pure function; LLVM inlines it into the kernel that calls it."""
+    """Compile a small pure function; LLVM has to inline it into the kernel that calls it.
+
+    Left to choose, it keeps some as functions, and a kernel from the cache is then linked with others than one that
+    was just compiled: results would differ in their last bit.
+    """
     return njit(forceinline=True, **_FLAGS)(function)
 
 
