@@ -62,8 +62,8 @@ def test_ctrl_c_stops_a_run_whose_parent_ignores_it():
     """As a shell's background jobs do."""
     code = """
 import sys, time
-print("ready", flush=True)
 try:
+    print("ready", flush=True)
     time.sleep(60)
 except KeyboardInterrupt:
     print("go on with --resume")
