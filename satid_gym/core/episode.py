@@ -48,6 +48,7 @@ def sample(plant, task, work, report):
     """Move the truth on by one sample period and read the sensors."""
     dt = task.sample_period
     if plant.faulty != 0:
+        faults.note_motors(plant, report)
         faults.delay_command(plant, work.torque)
         drive_motors(plant, plant.torque_obeyed, dt)
     else:
@@ -65,7 +66,7 @@ def sample(plant, task, work, report):
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])
     if plant.faulty != 0:
-        faults.note(plant, report)
+        faults.note_sensors(plant, report)
 
 
 @inline

@@ -67,15 +67,20 @@ def delay_command(plant, torque):
 
 
 @inline
-def note(plant, report):
-    """Write to the report which faults acted in this sample."""
+def note_motors(plant, report):
+    """Write to the report which faults act on the motors in the sample that begins at plant.time."""
+    if weak_wheel(plant) >= 0:
+        report.faults[_LOSS] = 1
+    if plant.torque_delay > 0:
+        report.faults[_DELAY] = 1
+
+
+@inline
+def note_sensors(plant, report):
+    """Write to the report which faults acted on the readings at plant.time."""
     if gyro_dropped(plant):
         report.faults[_DROPOUT] = 1
     if plant.spiked != 0:
         report.faults[_OUTLIER] = 1
     if stuck_tachometer(plant) >= 0:
         report.faults[_STUCK] = 1
-    if weak_wheel(plant) >= 0:
-        report.faults[_LOSS] = 1
-    if plant.torque_delay > 0:
-        report.faults[_DELAY] = 1
