@@ -74,7 +74,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | gained | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
 covariance of the inertia parameters, in nats; never negative |
     | held | 0 | nats by which the inertia is better known at the decision's end than before launch |
-    | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it refuses one) \
+    | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
 over the rate limit, less 0.96, where positive |
     | effort | 0 | mean square of the action, 0 to 1 |
 
@@ -106,7 +106,7 @@ over the rate limit, less 0.96, where positive |
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque, N m |
     | guarded | filter updates shortened so far to keep the estimate positive definite |
-    | rejected | gyro readings that the filter has not believed so far |
+    | rejected | gyro readings that the filter has rejected so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
 
     ## Arguments

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from satid_gym.config import real_array
 from satid_gym.core import kernels
 from satid_gym.core.records import MOMENTUM
 from satid_gym.estimators.protocol import Estimator
@@ -38,7 +39,7 @@ class ForeignFilter:
         """Take the first readings of an episode.
 
         Raises:
-            ValueError: the estimator's mean or covariance has another shape.
+            ValueError: the estimator's mean, covariance or `accepted` is not of the shape that is asked for.
         """
         plant = self._plants[0]
         self.estimator.reset(briefing, plant["gyro"].copy(), plant["tachometer"].copy())
@@ -49,7 +50,7 @@ class ForeignFilter:
         """One decision with action (n,); whether the covariance broke.
 
         Raises:
-            ValueError: the estimator's mean or covariance has another shape.
+            ValueError: the estimator's mean, covariance or `accepted` is not of the shape that is asked for.
         """
         plant, task, report = self._plants[0], self._tasks[0], self._reports[0]
         kernels.command(self._plants, self._tasks, self._work, self._reports, action)
@@ -92,11 +93,23 @@ class ForeignFilter:
         belief["mean"] = mean[:size]
         belief["covariance"] = covariance[:size, :size]
         plant = self._plants[0]
-        accepted, speed = getattr(self.estimator, "accepted", None) or (True, plant["tachometer"])
+        accepted, speed = self._accepted(plant["tachometer"])
         belief["coasting"] = plant["gyro_flagged"] or not accepted
         belief["speed"], belief["stuck"] = speed, speed != plant["tachometer"]
         if belief["kind"] == MOMENTUM:
             belief["wheel_input"][:3] = belief["axes"] @ (belief["wheel_inertia"] * speed)
+
+    def _accepted(self, tachometer: np.ndarray) -> tuple[bool, np.ndarray]:
+        """Whether the gyro's reading was accepted, and the wheel speeds (n,) to go by."""
+        accepted = getattr(self.estimator, "accepted", None)
+        if accepted is None:
+            return True, tachometer
+        if not isinstance(accepted, tuple) or len(accepted) != 2:
+            raise ValueError(
+                f"the estimator's `accepted` must be None or a pair (whether the gyro's reading was accepted, wheel "
+                f"speeds), got {accepted!r}"
+            )
+        return bool(accepted[0]), real_array("the estimator's accepted wheel speeds", accepted[1], tachometer.shape)
 
     def _spread(self) -> float:
         return kernels.spread(self._beliefs, self._work, self._tasks["criterion"][0])

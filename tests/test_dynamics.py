@@ -539,6 +539,13 @@ def test_a_step_that_would_not_keep_momentum_is_halved(name):
     assert np.abs(np.diff(size)).max() < 1e-7 * size[0]
 
 
+@pytest.mark.parametrize("rate", [1e7, 1e60, 1e160])
+def test_a_body_too_fast_for_any_step_ends_all_the_same(rate):
+    """Halving cannot help where momentum overflows; the call must return."""
+    flight = simulate(SATELLITES["microsat"], np.zeros((1, 3)), 1.0, omega0=(rate, -rate, 0.5 * rate), substeps=1)
+    assert flight.time[-1] == 1.0
+
+
 # The default step, in intervals of a second
 
 

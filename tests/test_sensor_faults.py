@@ -321,6 +321,17 @@ def test_a_noiseless_gyro_may_repeat_itself():
         assert env._beliefs["coasting"][0] == 0
 
 
+@pytest.mark.parametrize("accepted", [True, (True,), (True, 5.0), (True, [0.0] * 4), (True, [0.0, 0.0, np.nan])])
+def test_what_an_estimator_says_it_accepted_is_checked(accepted):
+    class Careless(FilterpyMomentumEKF):
+        pass
+
+    Careless.accepted = accepted
+    env = SatInertiaIDEnv(estimator=Careless())
+    with pytest.raises(ValueError, match="accepted"):
+        env.reset(seed=0)
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("new", [MomentumEKF, FilterpyMomentumEKF])
 def test_a_change_is_dated_by_its_first_rejection_through_an_outage(new, microsat):

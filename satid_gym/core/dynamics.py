@@ -36,7 +36,7 @@ _AT_LIMIT = 1e-11  # relative to the speed limit
 _MOST_TURN = 0.5  # rad, that body and momentum may turn against each other in one Runge-Kutta step
 _MOST_STEPS = 10_000.0
 _MOST_DRIFT = 1e-8  # of |M| in one Runge-Kutta step, relative to M and A h; beyond it the step is halved
-_MOST_HALVINGS = 20
+_MOST_HALVINGS = 200  # within one advance; past it a step is taken as it comes
 _MOST_EVENTS = 100  # within one advance; past it wheels at their limit stay there until its end
 _MOST_TRIALS = 60  # of the search for the moment a wheel reaches its limit
 
@@ -227,7 +227,8 @@ def _rk4(plant, torque, h):
 def _keeps_size(m, wheels, drift):
     """Whether a step to M and A h that adds `drift` to |M|^2 keeps |M|."""
     size = dot(m, m)
-    return drift * drift <= _MOST_DRIFT**2 * size * (size + dot(wheels, wheels))
+    # not "<=": what is no number has nothing to gain from smaller steps
+    return not drift > _MOST_DRIFT * np.sqrt(size) * np.sqrt(size + dot(wheels, wheels))
 
 
 @inline
@@ -327,7 +328,7 @@ def advance(plant, torque, duration):
     one step would not keep |M|.
     """
     end = plant.time + duration
-    events = 0
+    events = halvings = 0
     while plant.time < end:
         _hold_or_release(plant, torque, events > _MOST_EVENTS)
         stop = end
@@ -335,10 +336,9 @@ def advance(plant, torque, duration):
         if (bends or (plant.law == STEP and plant.stepped == 0)) and plant.law_time < end:
             stop = plant.law_time
         h = stop - plant.time
-        halvings = 0
         while True:
             m, q, wheels, drift = _rk4(plant, torque, h)
-            if halvings == _MOST_HALVINGS or _keeps_size(m, wheels, drift):
+            if halvings >= _MOST_HALVINGS or _keeps_size(m, wheels, drift):
                 break
             halvings += 1
             h *= 0.5

@@ -202,7 +202,7 @@ def condition(belief, work, gyro):
             return verdict
         if verdict == vetting.REINITIALISE:
             _start_momentum(belief, work, gyro)
-            belief.coasting = belief.confirmed = 0
+            belief.coasting = belief.confirmed = belief.rejections = 0
             return 0.0
     belief.coasting, belief.confirmed = 0, 1
     momentum = load(belief.mean)

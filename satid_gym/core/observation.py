@@ -41,11 +41,13 @@ def _write(out, i, value):
 @inline
 def rate_to_go_by(belief, gyro):
     """The gyro's reading or, where the filter coasts, the filter's own rate."""
-    if belief.coasting == 0:
-        return load(gyro)
-    if belief.kind == MOMENTUM:
-        return momentum_filter.rate(belief)
-    return load(belief.mean)
+    return load(gyro) if belief.coasting == 0 else filter_rate(belief)
+
+
+@inline
+def filter_rate(belief):
+    """Estimated omega, rad/s."""
+    return momentum_filter.rate(belief) if belief.kind == MOMENTUM else load(belief.mean)
 
 
 @inline
@@ -54,11 +56,10 @@ def observe(belief, task, gyro, tachometer, out):
     p, n = belief.prior_theta.shape[0], tachometer.shape[0]
     mean, covariance = belief.mean, belief.covariance
     inertia = estimated_inertia(belief)
+    omega = filter_rate(belief)
     if belief.kind == MOMENTUM:
-        omega = momentum_filter.rate(belief)
         momentum, torque = load(mean), load(mean[3 + p :])
     else:
-        omega = load(mean)
         spin = momentum_filter.wheel_momentum(belief, mean[3 + p :])
         momentum, torque = add(multiply(inertia, omega), spin), (0.0, 0.0, 0.0)
     drift = multiply(inverse(inertia), add(cross(momentum, omega), torque))

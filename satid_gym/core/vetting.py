@@ -165,9 +165,9 @@ def reject(belief, work, support):
         belief.since_rejection = 1  # the change came at the beginning of this sample
     belief.rejections += 1
     if belief.rejections > _PATIENCE:
-        belief.rejections = 0
         if belief.confirmed == 0:
             return REINITIALISE
+        belief.rejections = 0
         _inflate(belief, work, support - 3)
         return 0.0
     belief.rejected += 1

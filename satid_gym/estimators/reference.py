@@ -51,6 +51,7 @@ class FilterpyMomentumEKF(Reference):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(MomentumEKFSettings.from_dict(settings))
+        self._vetting: Vetting | None = None
 
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
@@ -109,7 +110,7 @@ class FilterpyMomentumEKF(Reference):
         rejected = None if vetting.momentum_lost() else vetting.reject(kf, self._a, gyro)
         if rejected is None:
             self.model.start_momentum(kf.x, kf.P, self._a, gyro)
-            vetting.confirmed = False
+            vetting.confirmed, vetting.rejections = False, 0
             return 0.0
         if rejected > 0.0:
             return rejected / 3.0

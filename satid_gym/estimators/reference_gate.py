@@ -20,6 +20,7 @@ class Vetting:
     Attributes:
         speed: (n,) wheel speeds to go by, rad/s.
         torque: (n,) N m, commanded.
+        coasting: whether no reading of the gyro has been accepted since the last prediction.
         confirmed: whether a reading has agreed with the one that M was started with.
     """
 
@@ -68,7 +69,7 @@ class Vetting:
         return lost
 
     def reject(self, kf: Any, a: np.ndarray, gyro: np.ndarray) -> float | None:
-        """Normalised innovation squared of a reading that is rejected, or 0; None where M is to be started anew.
+        """Normalised innovation squared of a reading that is rejected, or 0; None where M is to be reinitialised.
 
         The third in a row is accepted.
         """
