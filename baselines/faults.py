@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import make_baseline
 from satid_gym.config import check_names, check_whole
@@ -224,14 +224,11 @@ def main(learned: Sequence[Policy] = (), module: str = "baselines.faults") -> in
         module: that was called.
     """
     settings = tyro.cli(Study, description=__doc__)
-    try:
+    with refusal():
         settings.check()
         policies: dict[str, dict[str, Policy]] = {
             s: {name: make_baseline(name, s, "faults") for name in settings.policies} for s in settings.satellites
         }
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(settings.output.parent)
     for row in policies.values():
         row.update({policy.name: policy for policy in learned})
