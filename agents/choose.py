@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tyro
@@ -20,9 +19,9 @@ from agents.learned import LearnedPolicy
 from agents.policies import PRETRAINED
 from agents.settings import TrainSettings
 from agents.train import merit, validate
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import command
-from satid_gym.config import check_number
+from satid_gym.config import check_number, check_whole
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
 
@@ -40,41 +39,45 @@ class Options:
     episodes: int = 400
     """Validation episodes on each satellite."""
 
+    def policies(self) -> list[LearnedPolicy]:
+        """The runs' best policies, each as it would be shipped.
 
-def _scores(policy: LearnedPolicy, episodes: int) -> list[dict[str, Any]]:
-    """Validation scores of a policy as it would be shipped, one row a satellite.
+        Raises:
+            FileNotFoundError: a run has none.
+            ValueError: there is no run, a policy is damaged, or a number is out of bounds.
+        """
+        if not self.runs:
+            raise ValueError("name at least one run")
+        check_whole("episodes", self.episodes)
+        policies = [LearnedPolicy.load(run / "policy") for run in self.runs]
+        for policy in policies:
+            policy.margin = policy.margin if self.margin is None else check_number("margin", self.margin)
+        return policies
+
+
+def _training(policy: LearnedPolicy) -> TrainSettings:
+    """The settings that a policy says it was trained with.
 
     Raises:
-        KeyError: the policy does not say how it was trained.
-        ValueError: what it says is no training's settings.
+        ValueError: it says none, or what no training has.
     """
-    return validate(policy, TrainSettings.from_dict(policy.details["trained"]["settings"]), episodes)
+    try:
+        return TrainSettings.from_dict(policy.details["trained"]["settings"])
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
 
 
 def main() -> int:
     """Print the spread and the choice; the exit code."""
     options = tyro.cli(Options, description=__doc__)
-    if options.episodes < 1:
-        print(f"error: episodes must be at least 1, got {options.episodes}", file=sys.stderr)
-        return 2
-    try:
-        policies = [LearnedPolicy.load(run / "policy") for run in options.runs]
-        for policy in policies:
-            policy.margin = policy.margin if options.margin is None else check_number("margin", options.margin)
-    except (FileNotFoundError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    try:
-        rows = [_scores(policy, options.episodes) for policy in tqdm(policies, unit=" runs", disable=None)]
-    except (KeyError, TypeError, ValueError) as error:
-        print(f"error: not all policies say how they were trained ({error!r}): train them", file=sys.stderr)
-        return 2
-    if any([row["satellite"] for row in run] != [row["satellite"] for row in rows[0]] for run in rows):
-        print(
-            "error: the runs were trained for different satellites: choose among runs of one setting", file=sys.stderr
-        )
-        return 2
-    satellites = [row["satellite"] for row in rows[0]]
+    with refusal():
+        policies = options.policies()
+        trained = [_training(policy) for policy in policies]
+        satellites = [satellite.name for satellite in trained[0].satellites]
+        if any([satellite.name for satellite in settings.satellites] != satellites for settings in trained):
+            raise ValueError("the runs were trained for different satellites: choose among runs of one setting")
+    pairs = tqdm(list(zip(policies, trained, strict=True)), unit=" runs", disable=None)
+    rows = [validate(policy, settings, options.episodes) for policy, settings in pairs]
     scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
     print(f"{'':24s}" + "".join(f"{s:>24s}" for s in satellites) + "   final, mean error, outside in %")
     for run, score in zip(options.runs, scores, strict=True):

@@ -32,7 +32,7 @@ from agents.report.episode import episode_cell, fly_episode, protagonists
 from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
 from satid_gym.config import check_names
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
@@ -189,11 +189,8 @@ def main() -> int:
     comparison = tyro.cli(Comparison, description=__doc__)
     start = time.perf_counter()
     learned: list[Policy] = list(shipped())
-    try:
+    with refusal():
         comparison.check(learned)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(comparison.output)
     results = compare(comparison, learned)
     curves = results.pop("curves")

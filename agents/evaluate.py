@@ -13,7 +13,7 @@ import tyro
 from agents.compare import Comparison, compare
 from agents.policies import find
 from agents.tables import print_comparison
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.satellite import SATELLITES
 
@@ -52,13 +52,10 @@ class Evaluation:
 def main() -> int:
     """Fly the policy and print its tables; the exit code."""
     evaluation = tyro.cli(Evaluation, description=__doc__)
-    try:
+    with refusal():
         policy = find(evaluation.policy)
         comparison = evaluation.comparison(policy.name)
         comparison.check([policy])
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     results = compare(comparison, [policy])
     split, first = results["seeds"]["split"], results["seeds"]["first"]
     print_comparison(

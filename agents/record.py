@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from agents import video
 from agents.pilot import Pairing, Pilot
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from satid_gym.rendering.canvas import ALARM, BACKGROUND, MUTED, RULE, TEXT, Canvas, Colour
 from satid_gym.rendering.strip import Strip
 
@@ -138,11 +138,8 @@ def record(recording: Recording) -> Path:
 def main() -> int:
     """Record what the command line asks for; the exit code."""
     recording = tyro.cli(Recording, description=__doc__)
-    try:
+    with refusal():
         path = record(recording)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
 

@@ -17,7 +17,7 @@ from rich.live import Live
 
 from agents.dashboard import dashboard, verdict
 from agents.pilot import Pairing, Pilot
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from satid_gym.config import check_number
 
 _LINES = 10  # in an episode, where the output is no terminal
@@ -95,12 +95,9 @@ def main() -> int:
     """Show what the command line asks for; the exit code."""
     settings = tyro.cli(Watch, description=__doc__)
     pairing = settings.pairing
-    try:
+    with refusal():
         check_number("speed", settings.speed, strict=True)
         pilots = pairing.pilots()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     console = Console()
     try:
         watch(pilots, f"{pairing.satellite}, {pairing.inertia} inertia", settings.speed, console)

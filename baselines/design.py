@@ -17,7 +17,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.tune import Trial, attempt, best
@@ -163,11 +163,8 @@ def run(design: Design) -> dict[str, Any]:
 def main() -> int:
     """Design what the command line asks for; the exit code."""
     settings = tyro.cli(Design, description=__doc__)
-    try:
+    with refusal():
         settings.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(settings.output.parent)
     results = run(settings)
     write_json(settings.output, results)

@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.recording import Recording, model_world, record
 from baselines.registry import BASELINES, make_baseline
@@ -212,11 +212,8 @@ def show(results: dict[str, Any]) -> None:
 def main() -> int:
     """Run the study that the command line asks for; the exit code."""
     study = tyro.cli(Study, description=__doc__)
-    try:
+    with refusal():
         study.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(study.output.parent)
     results = run(study)
     write_json(study.output, results)

@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import make_baseline
 from satid_gym.config import check_names, check_whole
@@ -145,15 +145,16 @@ def scores(flight: Flight, over: float) -> dict[str, float | None]:
 def recovery(flight: Flight, end: float) -> np.ndarray:
     """Seconds (N,) after `end` from which the error keeps to 0.5 % for 10 s; infinite where it never does.
 
-    0 where it does so from `end` on. The error is known at the end of each decision, so 10 s of decisions of 1 s are
-    eleven errors.
+    The error is known at the end of each decision, the first of which ends at `end` or later; 10 s of decisions of 1 s
+    are eleven errors.
     """
     period = flight.time[1] - flight.time[0]
-    late = flight.time > end - 0.5 * period  # the decision that ends at `end` is the first, whatever rounding says
+    late = flight.time > end - 1e-6 * period  # the decision that ends at `end` is the first, whatever rounding says
     good = (flight.error[late] <= _RECOVERED) & flight.alive[late]
     span = round(_HELD / period) + 1
     held = np.lib.stride_tricks.sliding_window_view(good, span, axis=0).all(axis=2)
-    return np.where(held.any(axis=0), flight.time[late][held.argmax(axis=0)] - end, np.inf)
+    waited = np.maximum(flight.time[late][held.argmax(axis=0)] - end, 0.0)
+    return np.where(held.any(axis=0), waited, np.inf)
 
 
 def _mean(values: np.ndarray) -> float | None:
@@ -223,14 +224,11 @@ def main(learned: Sequence[Policy] = (), module: str = "baselines.faults") -> in
         module: that was called.
     """
     settings = tyro.cli(Study, description=__doc__)
-    try:
+    with refusal():
         settings.check()
         policies: dict[str, dict[str, Policy]] = {
             s: {name: make_baseline(name, s, "faults") for name in settings.policies} for s in settings.satellites
         }
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(settings.output.parent)
     for row in policies.values():
         row.update({policy.name: policy for policy in learned})

@@ -28,7 +28,7 @@ import scipy.stats
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_bytes, write_json
 from baselines.recording import Recording, record
 from baselines.scripted import ScriptedPolicy, Signal, staggered_square
@@ -246,11 +246,8 @@ def _text(correlation: float | None) -> str:
 def main() -> int:
     """Climb the ladder that the command line asks for; the exit code."""
     ladder = tyro.cli(Ladder, description=__doc__)
-    try:
+    with refusal():
         ladder.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(ladder.output)
     chosen = seeds("validation", ladder.episodes)
     records = climb(ladder, chosen)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.registry import BASELINES, make_baseline
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
@@ -84,11 +84,8 @@ def decision_ms(name: str, satellite: str, episodes: int) -> float:
 def main() -> int:
     """Time what the command line asks for; the exit code."""
     timing = tyro.cli(Timing, description=__doc__)
-    try:
+    with refusal():
         timing.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     print(f"ms a decision, {timing.satellite}: alone | {timing.episodes} episodes side by side")
     for name in timing.policies:
         decision_ms(name, timing.satellite, 1)  # the first flight may compile

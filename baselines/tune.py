@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.registry import BASELINES, TUNED, UNTUNED, build
 from satid_gym.config import check_names, check_whole
@@ -173,11 +173,8 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 def main() -> int:
     """Tune what the command line asks for; the exit code."""
     settings = tyro.cli(Tuning, description=__doc__)
-    try:
+    with refusal():
         settings.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     for path in (settings.output, settings.trials or settings.output):
         check_writable(path.parent)
     tuned, tried = run(settings)

@@ -25,7 +25,7 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from satid_gym.config import check_whole
 
 ROOT = Path(__file__).parent.parent
@@ -212,11 +212,8 @@ def reached(run: Path) -> int:
 def main() -> int:
     """Disturb, compare, and print; the exit code."""
     faults = tyro.cli(Faults, description=__doc__)
-    try:
+    with refusal():
         faults.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     with tempfile.TemporaryDirectory() as temporary:
         folder = faults.folder or Path(temporary)
         seconds = finish(training(faults, folder / "whole"))

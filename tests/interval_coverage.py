@@ -19,7 +19,7 @@ from tqdm import tqdm
 from agents.policies import find
 from agents.statistics import pair, record
 from baselines import make_baseline
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
@@ -152,11 +152,8 @@ def real(study: Study) -> dict[str, Population]:
 def main() -> int:
     """Print every coverage; the exit code."""
     study = tyro.cli(Study, description=__doc__)
-    try:
+    with refusal():
         study.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     populations = {**SYNTHETIC, **real(study)}
     held = True
     print(f"{'population':26s}{'interval of':30s}{'truth':>10s} {'covered':>9s} {'above':>7s} {'below':>7s}")

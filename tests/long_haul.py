@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_whole
@@ -170,11 +170,8 @@ class Haul:
 def main() -> int:
     """Fly what the command line asks for; the exit code."""
     settings = tyro.cli(LongHaul, description=__doc__)
-    try:
+    with refusal():
         haul = Haul(settings)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(settings.output.parent)
     try:
         haul.run()

@@ -12,6 +12,7 @@ import pytest
 from agents import compare, tables
 from agents.statistics import pair, record
 from baselines import provenance
+from baselines.ending import ended
 
 EPISODES = 6
 
@@ -33,7 +34,7 @@ def call(line):
     """Exit code and standard output of `python -m agents.compare LINE`."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as output:
         patch.setattr(sys, "argv", ["compare", *line.split()])
-        code = compare.main()
+        code = ended(compare.main)
     return code, output.getvalue()
 
 

@@ -46,6 +46,23 @@ def test_recovery_with_decisions_of_half_a_second():
     assert recovery(flight(period=0.5, error=error([(0, 145), (155.5, 155.5)], 0.5)), 140.0).tolist() == [16.0]
 
 
+@pytest.mark.parametrize(
+    ("bad", "end", "seconds"),
+    [
+        ([(1, 139)], 140.3, 0.7),  # the first error known of the time without fault is that of 141 s
+        ([(1, 140)], 140.3, 0.7),
+        ([(1, 141)], 140.3, 1.7),
+        ([(1, 139)], 140.7, 0.3),
+        ([(1, 139)], 140.0 + 1e-9, 0.0),  # rounding is no decision later
+        ([(1, 139)], 140.0 - 1e-9, 0.0),
+    ],
+)
+def test_recovery_from_a_fault_that_ends_within_a_decision(bad, end, seconds):
+    found = recovery(flight(error=error(bad)), end)
+    assert found == pytest.approx([seconds], abs=1e-8)
+    assert found >= 0.0
+
+
 def test_who_ends_early_does_not_recover():
     alive = np.ones((300, 1), bool)
     alive[150:] = False

@@ -7,6 +7,7 @@ import ast
 import pytest
 
 from tests.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
+from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import find_mutants, mutate
 
 pytestmark = pytest.mark.compiled  # its trials switch the compiler off themselves
@@ -53,6 +54,11 @@ def test_every_mutant_is_another_program(name):
     changed = {ast.dump(mutate(source, i)) for i in range(len(mutants))}
     assert original not in changed
     assert len(changed) > 0.95 * len(mutants)  # x > 0 and not x <= 0 are one program
+
+
+@pytest.mark.parametrize("name", EQUIVALENT)
+def test_every_equivalent_mutant_is_one_of_todays(name):
+    assert EQUIVALENT[name].keys() <= {mutant.key for mutant in find_mutants(Target(name).source)}
 
 
 def test_groups_are_made_of_the_modules():

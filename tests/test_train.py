@@ -10,6 +10,7 @@ import torch
 from agents import choose, train
 from agents.learned import LearnedPolicy
 from agents.settings import TrainSettings, named
+from baselines.ending import ended
 
 SMALL = {
     "satellite": "microsat",
@@ -160,5 +161,38 @@ def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp
 @pytest.mark.parametrize(("option", "message"), [(("--episodes", "0"), "episodes"), (("--margin", "-1"), "margin")])
 def test_a_choice_that_cannot_be_made_ends_with_one_line(copy, monkeypatch, capsys, option, message):
     monkeypatch.setattr("sys.argv", ["choose", str(copy), *option])
-    assert choose.main() == 2
+    assert ended(choose.main) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "details", [{}, {"trained": "by hand"}, {"trained": {"settings": []}}, {"trained": {"settings": {"step": 1}}}]
+)
+def test_a_policy_that_does_not_say_how_it_was_trained_is_not_chosen(copy, monkeypatch, capsys, details):
+    policy = LearnedPolicy.load(copy / "policy")
+    policy.details = details
+    policy.save(copy / "policy")
+    monkeypatch.setattr("sys.argv", ["choose", str(copy)])
+    assert ended(choose.main) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith(f"error: policy {policy.name} does not say how it was trained (")
+    assert errors.count("\n") == 1
+
+
+def test_runs_for_different_satellites_are_not_compared(copy, finished, monkeypatch, capsys):
+    policy = LearnedPolicy.load(copy / "policy")
+    policy.details["trained"]["settings"]["satellite"] = "cubesat"
+    policy.save(copy / "policy")
+    monkeypatch.setattr("sys.argv", ["choose", str(finished[0]), str(copy)])
+    assert ended(choose.main) == 2
+    assert "different satellites" in capsys.readouterr().err
+
+
+def test_an_error_of_flight_is_not_taken_for_one_of_training(copy, monkeypatch):
+    def flight(*_):
+        raise ValueError("of flight")
+
+    monkeypatch.setattr(choose, "validate", flight)
+    monkeypatch.setattr("sys.argv", ["choose", str(copy)])
+    with pytest.raises(ValueError, match=r"^of flight$"):
+        choose.main()

@@ -18,6 +18,7 @@ from rich.console import Console
 from agents import watch
 from agents.dashboard import bar, dashboard, sparkline, verdict
 from agents.pilot import Pairing
+from baselines.ending import ended
 from tests.faults import heed_interrupts
 
 PAIRING = Pairing(policy="generalist", horizon=20.0)
@@ -142,7 +143,7 @@ def test_without_a_terminal_it_prints_lines(kind, monkeypatch):
 )
 def test_errors_are_said(monkeypatch, capsys, arguments, message):
     monkeypatch.setattr(sys, "argv", ["watch", *arguments])
-    assert watch.main() == 2
+    assert ended(watch.main) == 2
     assert message in capsys.readouterr().err
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import tyro
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.paper import figure_bars, figure_horizon, figure_pipeline, figure_profiles
 from baselines.paper.exceedance import ekf_exceedances
 from baselines.paper.page import page
@@ -44,11 +44,8 @@ class Study:
 def main() -> int:
     """Run what the command line asks for; the exit code."""
     study = tyro.cli(Study, description=__doc__)
-    try:
+    with refusal():
         check_whole("seeds", study.seeds)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     return run(study)
 
 

@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from satid_gym import SatInertiaIDEnv
 from satid_gym.config import check_whole
@@ -160,11 +160,8 @@ def print_findings(found: dict[Group, Findings]) -> None:
 def main() -> int:
     """The exit code: 1 where something failed."""
     fuzz = tyro.cli(Fuzz, description=__doc__)
-    try:
+    with refusal():
         fuzz.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     check_writable(fuzz.output.parent)
     start = time.perf_counter()
     if fuzz.only is not None:

@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.ending import ended
+from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, read_json, revision, versions, write_json
 from satid_gym.config import check_names, check_whole
 from tests.mutation.equivalent import EQUIVALENT
@@ -252,11 +252,8 @@ def table(rows: Iterable[Mapping[str, Any]]) -> Table:
 def main() -> int:
     """Try, save, print; the exit code."""
     arguments = tyro.cli(MutationArguments, description=__doc__)
-    try:
+    with refusal():
         arguments.check()
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     console = Console()
     state: dict[str, Any] = {}
     if arguments.output.exists() and not arguments.fresh:

@@ -29,10 +29,6 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         ),
     },
     "core/rate_filter": {
-        "condition: for r in range(3 + n): -> for r in range(3 - n):": (
-            "the rows start as zeros, and the same places are written every time"
-        ),
-        "condition: for r in range(3 + n): -> for r in range(2 + n):": "as above",
         "predict: identity = work.jacobian[3] -> identity = work.jacobian[2]": "what was there is not needed any more",
     },
     "core/kalman": {
@@ -41,7 +37,9 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "update: continue -> pass": "likewise, where there is next to nothing to mend",
     },
     "core/momentum_filter": {
-        "start: moment = work.jacobian[1] -> moment = work.jacobian[0]": "what was there is not needed any more",
+        "_start_momentum: moment = work.jacobian[1] -> moment = work.jacobian[0]": (
+            "what was there is not needed any more"
+        ),
         (
             "_beyond: return rate if rate * rate > _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0 -> "
             "return rate if rate * rate >= _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0"
@@ -76,9 +74,10 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "plant.wheel_momentum[k] = plant.wheel_inertia[k] / side * plant.wheel_speed_max[k]"
         ): "side is 1 or -1",
         "_limit_speeds: beyond = False -> beyond = True": "the same speeds are written once more",
-        "_until_limit: f_low, f_high = (-_AT_LIMIT, over) -> f_low, f_high = (_AT_LIMIT, over)": (
-            "the first guess alone, which the next line but three replaces"
+        "_until_limit: f_low, f_high = (-1.0, over) -> f_low, f_high = (1.0, over)": (
+            "the first guess alone: below the limit it is replaced by what the first trial finds"
         ),
+        "_until_limit: f_low, f_high = (-1.0, over) -> f_low, f_high = (-2.0, over)": "no wheel is slower than at rest",
     },
     "bounds": {
         "_build_bound_many.bound_many: belief.mean[3:3 + p] = theta[i, k - 1] -> pass": "it is there already",
