@@ -183,3 +183,70 @@ def test_a_world_at_rest_is_drawn_at_rest(microsat):
     np.testing.assert_allclose(plant["inertia"], microsat.inertia, rtol=1e-14)
     for name in ("rate", "wheel_speed", "momentum", "torque_constant", "torque_cosine", "torque_sine"):
         np.testing.assert_array_equal(plant[name], 0.0)
+
+
+FAULTS = {
+    "time": (0.2, 0.6),
+    "gyro_dropout": 0.5,
+    "gyro_dropout_silent": 0.5,
+    "gyro_dropout_duration": (5.0, 20.0),
+    "tachometer_stuck": 0.5,
+    "tachometer_stuck_duration": (20.0, 60.0),
+    "wheel_loss": 0.5,
+    "wheel_loss_size": (0.3, 0.9),
+}
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"torque_delay": (1, 3), "gyro_bias_std": 2e-5},
+        {"torque_delay": (0, 1)},
+        {"gyro_bias_std": 1e-5, "gyro_dropout_silent": 0.0},
+        {"gyro_dropout": 0.0, "torque_delay": (0, 2)},
+    ],
+)
+@pytest.mark.parametrize("seed", range(6))
+def test_faults_draw_by_draw(seed, more, pyramid):
+    """After all else of an episode, in the order of `Faults`; what cannot happen draws nothing."""
+    faults = FAULTS | more
+    scenario = {"inertia_std": 0.0, "horizon": 200.0, "gyro_bias_walk": 0.0, "faults": faults}
+    env = SatInertiaIDEnv(pyramid, "static", scenario)
+    env.reset(seed=seed)
+    plant, draws = env._plants[0], Draws(seed)
+    for _ in range(1 + 4):  # law, its size, time, frequency and phase
+        uniform(draws.stream)
+    draws.normals(3 + 3 * 4)  # inertia; disturbance and rate
+    for _ in range(pyramid.wheels.count):
+        uniform(draws.stream)
+    draws.normals(4)  # attitude
+
+    def happens(name: str) -> bool:
+        return faults[name] > 0.0 and uniform(draws.stream) < faults[name]
+
+    assert plant["faulty"] == 1
+    dropout, silent, stuck, stuck_wheel, weak_wheel = [0.0, 0.0], 0, [0.0, 0.0], -1, -1
+    if happens("gyro_dropout"):
+        start = draws.between(40.0, 120.0)
+        dropout = [start, start + draws.between(5.0, 20.0)]
+        silent = int(happens("gyro_dropout_silent"))
+    if happens("tachometer_stuck"):
+        stuck_wheel = int(pyramid.wheels.count * uniform(draws.stream))
+        start = draws.between(40.0, 120.0)
+        stuck = [start, start + draws.between(20.0, 60.0)]
+    if happens("wheel_loss"):
+        weak_wheel = int(pyramid.wheels.count * uniform(draws.stream))
+        assert plant["weak_start"] == pytest.approx(draws.between(40.0, 120.0), rel=1e-12)
+        assert plant["torque_left"] == pytest.approx(1.0 - draws.between(0.3, 0.9), rel=1e-12)
+    np.testing.assert_allclose(plant["dropout"], dropout, rtol=1e-12)
+    np.testing.assert_allclose(plant["stuck"], stuck, rtol=1e-12)
+    found = (plant["dropout_silent"], plant["stuck_wheel"], plant["weak_wheel"])
+    assert found == (silent, stuck_wheel, weak_wheel)
+    least, most = more.get("torque_delay", (0, 0))
+    assert plant["torque_delay"] == (int(draws.between(least, most + 1)) if most > 0 else 0)
+    bias = more.get("gyro_bias_std", 0.0)
+    np.testing.assert_allclose(plant["gyro_bias"], bias * draws.normals(3) if bias > 0.0 else 0.0, rtol=1e-12)
+    reading = draws.normals(3 + pyramid.wheels.count)  # the first thing drawn after
+    np.testing.assert_allclose(
+        plant["gyro"] - plant["rate"] - plant["gyro_bias"], pyramid.gyro_noise_std * reading[:3], rtol=1e-6
+    )
