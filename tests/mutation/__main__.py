@@ -41,7 +41,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/rate_filter": ("filters",),
     "core/kalman": ("filters",),
     "core/reward": ("reward",),
-    "core/sensors": ("sensors",),
+    "core/sensors": ("sensors", "fault_samples"),
     "core/generator": ("generator",),
     "core/faults": ("fault_samples",),
     "core/vetting": ("vetting",),
