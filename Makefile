@@ -25,7 +25,7 @@ test: setup
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
 	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov
 
-mutation: setup  ## whether the tests notice what is wrong (most of an hour; stopped, it goes on where it was)
+mutation: setup  ## whether the tests notice what is wrong (a quarter of an hour; stopped, it goes on where it was)
 	$(RUN) -m tests.mutation
 
 lint: setup
