@@ -60,13 +60,14 @@ def cross(a, b):
 
 @inline
 def dot(a, b):
+    """Inner product of 3-vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inline
 def norm(v):
     """Length of a 3-vector."""
-    return (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) ** 0.5
+    return dot(v, v) ** 0.5
 
 
 @inline

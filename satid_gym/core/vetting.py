@@ -16,7 +16,7 @@ Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import axpy, cross, inverse, load, multiply, store, subtract
+from satid_gym.core.algebra import axpy, cross, dot, inverse, load, multiply, store, subtract
 from satid_gym.core.dynamics import along_axis, wheel_axis
 from satid_gym.core.jit import inline
 
@@ -144,8 +144,7 @@ def _distance(belief, work, support):
         else:
             s = (s[0], s[1], s[2] + z, s[3], s[4], s[5])
     innovation = load(work.innovation)
-    x, y, z = multiply(inverse(s), innovation)
-    return innovation[0] * x + innovation[1] * y + innovation[2] * z
+    return dot(innovation, multiply(inverse(s), innovation))
 
 
 @inline
@@ -154,9 +153,9 @@ def reject(belief, work, support):
 
     A run of rejections inflates the covariance, or shows that the one reading that M was started with was an outlier.
     """
-    x, y, z = load(work.innovation)
+    innovation = load(work.innovation)
     nis = 0.0
-    if x * x + y * y + z * z > belief.gate:  # never less than the distance
+    if dot(innovation, innovation) > belief.gate:  # never less than the distance
         nis = _distance(belief, work, support)
     if nis <= belief.gate:
         belief.rejections = 0
