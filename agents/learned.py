@@ -20,14 +20,14 @@ from safetensors.numpy import load, save
 
 from baselines.provenance import read_json, write_bytes, write_text
 from baselines.rate_loop import RateLoop
-from satid_gym.config import unknown_name
+from satid_gym.config import check_flag, unknown_name
 from satid_gym.policy import Kind, Mission
 
 FORMAT = 1
 CONTROLS = ("rate", "torque")
 LARGEST = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_HEAD = ("format", "name", "control", "margin", "sha256")
+_HEAD = ("format", "name", "control", "margin", "include_covariance", "sha256")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,17 +87,24 @@ class LearnedPolicy:
         network: from observation to command.
         control: "rate" or "torque".
         margin: of the rate loop; see `RateLoop`.
+        include_covariance: whether the network's observations include the filter's whole covariance.
         details: how it was trained and what it scored; kept in the JSON file.
 
     Raises:
-        ValueError: the control is unknown, the name is no plain word, the margin no finite number of at least 0, or
-            the network does not end in three body rates though it is to command them.
+        ValueError: the control is unknown, the name is no plain word, the margin no finite number of at least 0,
+            include_covariance no flag, or the network does not end in three body rates though it is to command them.
     """
 
     kind: Kind = "learned"
 
     def __init__(
-        self, name: str, network: Network, control: str, margin: float, details: Mapping[str, Any] | None = None
+        self,
+        name: str,
+        network: Network,
+        control: str,
+        margin: float,
+        include_covariance: bool = False,
+        details: Mapping[str, Any] | None = None,
     ) -> None:
         if control not in CONTROLS:
             raise unknown_name("control of a learned policy", control, CONTROLS)
@@ -106,6 +113,7 @@ class LearnedPolicy:
         if control == "rate" and network.weights[-1].shape[0] != 3:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
         check_name(name)
+        self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
         self.name, self.network, self.control, self.margin = name, network, control, margin
         self.details = dict(details or {})
 
@@ -118,8 +126,9 @@ class LearnedPolicy:
         size, expected = max(p.stop for p in mission.layout.values()), self.network.weights[0].shape[1]
         if size != expected:
             raise ValueError(
-                f"policy {self.name} takes observations of {expected} numbers, this environment gives {size}: "
-                "it must have as many wheels and inertia parameters as the one it was trained on"
+                f"policy {self.name} takes observations of {expected} numbers, this environment gives {size}: it must "
+                "have as many wheels and inertia parameters as the one it was trained on, and "
+                f"include_covariance={self.include_covariance}"
             )
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
@@ -137,7 +146,8 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each whole or not at all; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        head = dict(zip(_HEAD, (FORMAT, self.name, self.control, self.margin, digest), strict=True))
+        values = (FORMAT, self.name, self.control, self.margin, self.include_covariance, digest)
+        head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_beside(path, ".safetensors"), tensors)
         write_text(_beside(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
 
@@ -168,7 +178,8 @@ class LearnedPolicy:
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
-            return cls(head["name"], network, head["control"], float(head["margin"]), details)
+            own = (head["name"], network, head["control"], float(head["margin"]), head.get("include_covariance", False))
+            return cls(*own, details)
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
 

@@ -14,7 +14,7 @@ from satid_gym.config import check_number, unknown_name
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policy import Policy, missions
+from satid_gym.policy import Policy, includes_covariance, missions
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS, Scenario
 
@@ -24,7 +24,7 @@ class Pilot:
 
     Args:
         policy: what decides.
-        env: its own, with one satellite; it is reset here.
+        env: its own, with one satellite and the observation that the policy takes; it is reset here.
         seed: of the episode: pilots with the same seed and settings meet the same truth and noise.
 
     Attributes:
@@ -129,13 +129,21 @@ class Pairing:
                 learned policy was trained for another observation.
         """
         world = self.world()
+        policies = [by_name(name, self.satellite, self.scenario) for name in (self.policy, self.beside)]
         first, second = (
             Pilot(
-                by_name(name, self.satellite, self.scenario),
-                SatInertiaIDEnv(self.satellite, self.inertia, world, render_mode=render_mode, render_size=render_size),
+                policy,
+                SatInertiaIDEnv(
+                    self.satellite,
+                    self.inertia,
+                    world,
+                    render_mode=render_mode,
+                    render_size=render_size,
+                    include_covariance=includes_covariance(policy),
+                ),
                 self.seed,
             )
-            for name in (self.policy, self.beside)
+            for policy in policies
         )
         return first, second
 

@@ -35,6 +35,8 @@ class TrainSettings:
     """The world to train in."""
     control: Literal["rate", "torque"] = "rate"
     """What the network commands: body rates through the rate loop, or wheel torque at once."""
+    include_covariance: bool = True
+    """Whether the network sees the filter's whole covariance."""
     margin: float = 2.6
     """Of the rate loop, in standard deviations of one decision's noise."""
     reward: RewardSettings = field(default_factory=RewardSettings)

@@ -61,7 +61,8 @@ def learned_policy(model: PPO, settings: TrainSettings) -> LearnedPolicy:
     layers = [*body, model.policy.action_net]
     weights = tuple(layer.weight.detach().numpy().copy() for layer in layers)
     biases = tuple(layer.bias.detach().numpy().copy() for layer in layers)
-    return LearnedPolicy(settings.name, Network(weights, biases), settings.control, settings.margin)
+    network, s = Network(weights, biases), settings
+    return LearnedPolicy(s.name, network, s.control, s.margin, s.include_covariance)
 
 
 def validate(policy: LearnedPolicy, settings: TrainSettings, episodes: int) -> list[dict[str, Any]]:
@@ -106,6 +107,7 @@ class Run:
             inertia=settings.inertia,
             scenario=settings.scenario,
             reward=settings.reward,
+            include_covariance=settings.include_covariance,
         )
         self.model = self._new_model()
         # after the model, which has seeded the environments in its own way: runs 0 and 1 would share all but one

@@ -45,10 +45,13 @@ class GreedyPolicy:
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Take in the satellite and its noise."""
         self._loop = RateLoop([mission], self.margin)
+        self._left = mission.scenario.decisions
         self._planner = Planner(mission, len(seeds), self.steps, self.margin)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n)."""
         self._planner.observe(observation)
-        gained = self._planner.forecast(self._commands).gained
+        ahead = max(1, min(self.horizon, self._left))  # as far as the episode goes
+        gained = self._planner.forecast(self._commands[:, :, :ahead]).gained
+        self._left -= 1
         return self._loop(observation, _CANDIDATES[gained.argmax(axis=1)])

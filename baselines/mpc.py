@@ -44,6 +44,7 @@ class MPCPolicy:
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Take in the satellite and its noise; every plan begins with full rate on all axes and no reversal."""
         self._loop = RateLoop([mission], self.margin)
+        self._left = mission.scenario.decisions
         self._planner = Planner(mission, len(seeds), self.steps, self.margin)
         self._side = np.ones((len(seeds), 3))
         self._delay = np.full((len(seeds), 3), self.horizon)
@@ -59,10 +60,12 @@ class MPCPolicy:
             keep = delays[rows, held.argmax(axis=1)]
         command = np.where(keep == 0, -self._side, self._side)
         self._side = command
+        self._left -= 1
         self._delay = np.where(keep == 0, self.horizon, np.where(keep == self.horizon, keep, keep - 1))
         return self._loop(observation, command)
 
     def _commands(self, delays: np.ndarray) -> np.ndarray:
-        """(N, C, H, 3) of plans (N, C, 3)."""
-        reversed_ = np.arange(self.horizon)[:, None] >= delays[:, :, None, :]
+        """(N, C, H, 3) of plans (N, C, 3), as far as the episode goes."""
+        ahead = np.arange(max(1, min(self.horizon, self._left)))
+        reversed_ = ahead[:, None] >= delays[:, :, None, :]
         return np.where(reversed_, -1.0, 1.0) * self._side[:, None, None, :]

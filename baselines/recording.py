@@ -21,7 +21,7 @@ from satid_gym.core.jit import inline, kernel
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.settings import EstimatorSettings, MomentumEKFSettings, brief, disturbance_walk
 from satid_gym.faults import Faults
-from satid_gym.policy import Policy, missions
+from satid_gym.policy import Policy, includes_covariance, missions
 from satid_gym.problem import InertiaLike, Problem, ScenarioLike, problem
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
@@ -82,12 +82,19 @@ def record(
     Raises:
         ValueError: `as_modelled` with a filter that has no such model.
     """
-    posed = problem(satellite, inertia, scenario, estimator)
+    posed = problem(satellite, inertia, scenario, estimator, include_covariance=includes_covariance(policy))
     walk = np.zeros(6)
     if as_modelled:
-        posed = problem(satellite, inertia, model_world(posed.scenario), posed.estimator)
+        posed = posed.replace(scenario=model_world(posed.scenario))
         walk = _walk(posed)
-    env = SatInertiaIDVectorEnv(len(seeds), posed.satellites, posed.inertia, posed.scenario, posed.estimator)
+    env = SatInertiaIDVectorEnv(
+        len(seeds),
+        posed.satellites,
+        posed.inertia,
+        posed.scenario,
+        posed.estimator,
+        include_covariance=posed.include_covariance,
+    )
     (mission,) = missions(posed)
     policy.reset(mission, seeds)
     env.reset(seed=list(seeds))

@@ -14,7 +14,7 @@ from baselines.ending import ended, refusal
 from baselines.registry import BASELINES, make_baseline
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
-from satid_gym.policy import Kind, Mission, Policy
+from satid_gym.policy import Kind, Mission, Policy, includes_covariance
 from satid_gym.satellite import SATELLITES
 
 
@@ -31,6 +31,7 @@ class TimedPolicy:
     def __init__(self, policy: Policy) -> None:
         self.policy, self.name = policy, policy.name
         self.kind: Kind = policy.kind
+        self.include_covariance = includes_covariance(policy)
         self.times: list[float] = []
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 
 from satid_gym.config import check_whole, unknown_name
 from satid_gym.core import episode
-from satid_gym.core.observation import layout
 from satid_gym.core.records import report_dtype
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.protocol import Estimator, is_estimator
@@ -147,6 +146,7 @@ over the rate limit, less 0.96, where positive |
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: int = 480,
+        include_covariance: bool = False,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
@@ -159,15 +159,14 @@ over the rate limit, less 0.96, where positive |
         if is_estimator(estimator):
             kind = {name: getattr(estimator, name, None) for name in ("coordinates", "parameters")}
             settings = estimator_settings({"name": kind["coordinates"], "parameters": kind["parameters"]})
-        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps)
+        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance)
         self._templates = build_templates(self.problem)
         self._plants = np.zeros(1, self._templates.plants.dtype)
         self._beliefs = np.zeros(1, self._templates.beliefs.dtype)
         self._tasks = np.zeros(1, self._templates.tasks.dtype)
         self._reports = np.zeros(1, report_dtype(self.problem.wheels))
         self._work = new_work(self.problem.wheels, self.problem.estimator)
-        parameters = self._beliefs["prior_theta"].shape[1]
-        self.observation_space, self.action_space = make_spaces(self.problem, parameters)
+        self.observation_space, self.action_space = make_spaces(self.problem)
         self._observation = np.zeros((1, self.observation_space.shape[0]), np.float32)
         self._foreign: ForeignFilter | None = None
         if is_estimator(estimator):
@@ -179,7 +178,7 @@ over the rate limit, less 0.96, where positive |
     @property
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name."""
-        return layout(self.problem.wheels, self._beliefs["prior_theta"].shape[1])
+        return self.problem.layout
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

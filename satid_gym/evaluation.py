@@ -15,7 +15,7 @@ from satid_gym import metrics
 from satid_gym.config import check_whole, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.laws import PAPER_LAWS
-from satid_gym.policy import Policy, missions
+from satid_gym.policy import Policy, includes_covariance, missions
 from satid_gym.problem import InertiaLike, ScenarioLike, problem
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
@@ -115,7 +115,16 @@ def fly(
         seeds: one for each episode.
         num_threads: see `SatInertiaIDVectorEnv`.
     """
-    env = SatInertiaIDVectorEnv(len(seeds), satellite, inertia, scenario, estimator, reward, num_threads=num_threads)
+    env = SatInertiaIDVectorEnv(
+        len(seeds),
+        satellite,
+        inertia,
+        scenario,
+        estimator,
+        reward,
+        num_threads=num_threads,
+        include_covariance=includes_covariance(policy),
+    )
     world = env.problem.scenario
     (mission,) = missions(env.problem)
     policy.reset(mission, seeds)

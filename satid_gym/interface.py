@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from satid_gym.config import unknown_name
-from satid_gym.core.observation import BOUND, layout
+from satid_gym.core.observation import BOUND
 from satid_gym.problem import Problem, Templates, build_templates, resolve_inertia, resolve_satellites
 
 RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
@@ -33,9 +33,9 @@ INFO_KEYS = (
 FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
 
 
-def make_spaces(p: Problem, parameters: int) -> tuple[spaces.Box, spaces.Box]:
+def make_spaces(p: Problem) -> tuple[spaces.Box, spaces.Box]:
     """Observation and action space of one environment."""
-    size = layout(p.wheels, parameters)["time_left"].stop
+    size = max(place.stop for place in p.layout.values())
     return (
         spaces.Box(-BOUND, BOUND, (size,), np.float32),
         spaces.Box(-1.0, 1.0, (p.wheels,), np.float32),

@@ -8,8 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from satid_gym.core.observation import layout
-from satid_gym.estimators.settings import PARAMETER_COUNT, brief
+from satid_gym.estimators.settings import brief
 from satid_gym.problem import Problem
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
@@ -37,7 +36,7 @@ class Mission:
 def missions(problem: Problem) -> list[Mission]:
     """One mission for each satellite of a problem."""
     scenario = problem.scenario
-    places = layout(problem.wheels, PARAMETER_COUNT[problem.estimator.parameters])
+    places = problem.layout
     return [
         Mission(
             satellite=scenario.operate(satellite),
@@ -52,6 +51,8 @@ def missions(problem: Problem) -> list[Mission]:
 class Policy(Protocol):
     """Chooses the actions of a batch of episodes that run side by side.
 
+    A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance.
+
     Attributes:
         name: what tables call it.
         kind: scripted, closed_loop, learned or reference.
@@ -65,3 +66,8 @@ class Policy(Protocol):
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n) in [-1, 1] for observations (N, size)."""
+
+
+def includes_covariance(policy: Policy) -> bool:
+    """Whether a policy asks for the filter's whole covariance: what its environment's `include_covariance` must be."""
+    return bool(getattr(policy, "include_covariance", False))

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from satid_gym.config import Config, check_whole, unknown_name
+from satid_gym.config import Config, check_flag, check_whole, unknown_name
+from satid_gym.core.observation import layout
 from satid_gym.core.records import draw_dtype, task_dtype
 from satid_gym.disturbance import Disturbance
-from satid_gym.estimators.belief import new_belief
-from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
+from satid_gym.estimators.belief import new_belief, state_size
+from satid_gym.estimators.settings import PARAMETER_COUNT, EstimatorSettings, brief, estimator_settings
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES, InertiaLaw, LawRanges
 from satid_gym.plant import new_plant
@@ -38,6 +39,7 @@ class Problem(Config):
         scenario: the world.
         estimator: tuning of the compiled filter.
         reward: what pays.
+        include_covariance: whether the filter's whole covariance is observed.
     """
 
     satellites: tuple[Satellite, ...]
@@ -45,9 +47,11 @@ class Problem(Config):
     scenario: Scenario
     estimator: EstimatorSettings
     reward: RewardSettings
+    include_covariance: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_flag("include_covariance", self.include_covariance)
         counts = {s.wheels.count for s in self.satellites}
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
@@ -57,6 +61,13 @@ class Problem(Config):
         """Number of wheels n."""
         return self.satellites[0].wheels.count
 
+    @property
+    def layout(self) -> dict[str, slice]:
+        """Places of the observation's parts by name, in order."""
+        p = PARAMETER_COUNT[self.estimator.parameters]
+        others = state_size(self.estimator, self.wheels) - p if self.include_covariance else 0
+        return layout(self.wheels, p, others)
+
 
 def problem(
     satellite: SatelliteLike = "microsat",
@@ -65,6 +76,7 @@ def problem(
     estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
     reward: str | Mapping[str, Any] | RewardSettings | None = None,
     max_episode_steps: int | None = None,
+    include_covariance: bool = False,
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.
 
@@ -86,6 +98,7 @@ def problem(
         scenario=world,
         estimator=estimator_settings(world.estimator if estimator is None else estimator),
         reward=reward_settings(reward),
+        include_covariance=include_covariance,
     )
 
 

@@ -63,8 +63,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: how many.
-        satellite, inertia, scenario, estimator, reward, max_episode_steps: as in `SatInertiaIDEnv`; the
-            estimator is a compiled one.
+        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance: as in
+            `SatInertiaIDEnv`; the estimator is a compiled one.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
         num_threads: the most threads to use; all cores where None.
@@ -88,6 +88,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         num_threads: int | None = None,
         stagger: bool = False,
         render_mode: str | None = None,
+        include_covariance: bool = False,
     ) -> None:
         super().__init__()
         self.num_envs = check_whole("num_envs", num_envs)
@@ -100,7 +101,9 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps)
+        self.problem = problem(
+            satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance
+        )
         self.stagger = check_flag("stagger", stagger)
         self._templates = build_templates(self.problem)
         n, rows = self.problem.wheels, self.num_envs
@@ -109,8 +112,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._tasks = np.zeros(rows, self._templates.tasks.dtype)
         self._reports = np.zeros(rows, report_dtype(n))
         self._final_reports = np.zeros(rows, report_dtype(n))
-        parameters = self._beliefs["prior_theta"].shape[1]
-        self.single_observation_space, self.single_action_space = make_spaces(self.problem, parameters)
+        self.single_observation_space, self.single_action_space = make_spaces(self.problem)
         self.observation_space = batch_space(self.single_observation_space, rows)
         self.action_space = batch_space(self.single_action_space, rows)
         size, n = self.single_observation_space.shape[0], self.problem.wheels

@@ -13,8 +13,11 @@ from satid_gym.core.records import MOMENTUM
 BOUND = 10.0
 
 
-def layout(n: int, p: int) -> dict[str, slice]:
-    """Names and places of the observation's parts for n wheels and p inertia parameters, in order."""
+def layout(n: int, p: int, others: int = 0) -> dict[str, slice]:
+    """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
+
+    `others` is the number of the filter's states beside the parameters where the whole covariance is observed.
+    """
     sizes = {
         "rate": 3,
         "wheel_speed": n,
@@ -28,6 +31,10 @@ def layout(n: int, p: int) -> dict[str, slice]:
         "command": n,
         "time_left": 1,
     }
+    if others > 0:
+        states = others + p
+        sizes["state_uncertainty"] = others
+        sizes["state_correlation"] = states * (states - 1) // 2 - 3 * p
     edges = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(edges[i], edges[i + 1]) for i, name in enumerate(sizes)}
 
@@ -89,4 +96,31 @@ def observe(belief, task, gyro, tachometer, out):
         i = _write(out, i, drift[k] * decision_period / task.rate_limit)
     for k in range(n):
         i = _write(out, i, task.command[k])
-    _write(out, i, 1.0 - task.decision / task.decisions)
+    i = _write(out, i, 1.0 - task.decision / task.decisions)
+    if i < out.shape[0]:
+        _observe_covariance(belief, task, out, i)
+
+
+@inline
+def _observe_covariance(belief, task, out, i):
+    """Write what the parts before leave out of the covariance."""
+    p, covariance = belief.prior_theta.shape[0], belief.covariance
+    states = covariance.shape[0]
+    for r in range(states):
+        if r < 3 or r >= 3 + p:
+            std, scale = np.sqrt(covariance[r, r]), _state_scale(belief, task, r)
+            i = _write(out, i, np.log10(std / scale) + 2.0 if scale > 0.0 else -BOUND)
+    for r in range(states):
+        for c in range(r + 1, states):
+            if r >= 3 or c < 3 or c >= 3 + p:
+                scale = np.sqrt(covariance[r, r] * covariance[c, c])
+                i = _write(out, i, covariance[r, c] / scale if scale > 0.0 else 0.0)
+
+
+@inline
+def _state_scale(belief, task, r):
+    """What a state other than an inertia parameter is measured by: what the envelope allows, the prior for tau."""
+    p = belief.prior_theta.shape[0]
+    if belief.kind != MOMENTUM:
+        return task.rate_limit if r < 3 else task.wheel_speed_max[r - 3 - p]
+    return belief.theta_scale[r] * task.rate_limit if r < 3 else belief.prior_torque_std
