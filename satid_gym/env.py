@@ -49,7 +49,9 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Observation space
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
-    p = 3 principal moments. `env.unwrapped.layout` gives the slices by name.
+    p = 3 principal moments. `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the
+    last two parts, with which all of the filter's covariance is observed (70 numbers). Its s states are momentum,
+    parameters, disturbance torque (MomentumEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
 
     | name | size | meaning |
     |---|---|---|
@@ -64,6 +66,10 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | drift | 3 | rate limits that the body is about to gain in a decision without command, by the belief |
     | command | n | previous action |
     | time_left | 1 | fraction of the horizon |
+    | state_uncertainty | s - p | log10(filter's std / scale) + 2 of the other states; scale: prior moment times rate \
+limit for momentum, prior std for torque, limits for rate and wheel speeds; -10 where it is 0 |
+    | state_correlation | s (s - 1) / 2 - 3 p | upper triangle, row by row, of the correlation matrix of the states, \
+without the 3 x p block that `correlation` holds |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort
@@ -123,6 +129,7 @@ over the rate limit, less 0.96, where positive |
 `scenario={"horizon": seconds}` |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
+    | include_covariance | False | whether the filter's whole covariance is observed |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
 

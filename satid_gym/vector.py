@@ -101,9 +101,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self.problem = problem(
-            satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance
-        )
+        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance)
         self.stagger = check_flag("stagger", stagger)
         self._templates = build_templates(self.problem)
         n, rows = self.problem.wheels, self.num_envs

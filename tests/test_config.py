@@ -130,6 +130,7 @@ REFUSED = {
     "rate noise": (lambda: RateEKF(gyro_std=0.0), "gyro_std must be finite and more than 0, got 0.0"),
     "another filter's setting": (lambda: RateEKF(disturbance_walk=0.1), "unknown setting of RateEKFSettings"),
     # problem
+    "covariance": (lambda: problem(include_covariance=1), "include_covariance must be True or False, got 1"),
     "satellite": (lambda: problem("micosat"), "unknown satellite 'micosat'; expected one of .*mean 'microsat'?"),
     "satellite's type": (lambda: problem(3), "satellite must be a name, a Satellite, a mapping or a list of these"),
     "no satellite": (lambda: problem([]), "satellite must be a name"),

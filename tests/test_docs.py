@@ -23,8 +23,8 @@ from agents import pages
 from agents.readme import ROOT
 from agents.settings import TrainSettings
 from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.core.observation import layout
 from satid_gym.interface import INFO_KEYS, RESET_OPTIONS
+from satid_gym.problem import problem
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
 PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
@@ -195,18 +195,27 @@ def table(page, heading):
     return [[cell.strip().replace("`", "") for cell in row.strip("|").split("|")] for row in rows if "---" not in row]
 
 
+@pytest.mark.parametrize(("estimator", "states"), [("momentum", "p + 6"), ("rate", "p + 3 + n")])
 @pytest.mark.parametrize(("n", "p"), [(3, 3), (4, 6)])
-def test_observation_table_is_the_layout(n, p):
+def test_observation_table_is_the_layout(n, p, estimator, states, pyramid):
+    assert f"$s = {states}$" in PAGES["environment.md"]
     sizes = {"n": n, "p": p, "3 p": 3 * p, "3": 3, "1": 1}
+    s = {"p + 6": p + 6, "p + 3 + n": p + 3 + n}[states]
+    sizes |= {"s - p": s - p, "s (s - 1) / 2 - 3 p": s * (s - 1) // 2 - 3 * p}
     rows = table("environment.md", "Observation")[1:]
-    places = layout(n, p)
+    kind = {"name": estimator, "parameters": "principal" if p == 3 else "full"}
+    satellite = "microsat" if n == 3 else pyramid
+    places = problem(satellite, estimator=kind, include_covariance=True).layout
     assert [(name, sizes[size]) for name, size, _ in rows] == [(k, v.stop - v.start) for k, v in places.items()]
     assert places["time_left"].stop == 16 + 2 * n + 5 * p
+    assert list(places.items())[:-2] == list(problem(satellite, estimator=kind).layout.items())
 
 
 def test_docstring_has_the_same_observation_info_and_arguments():
     said = inspect.getdoc(SatInertiaIDEnv)
-    assert re.findall(r"^\| (\w+) \| [\dnp ]+ \|", said, flags=re.M)[:11] == list(layout(3, 3))
+    observation = said.partition("## Observation space")[2].partition("## Reward")[0]
+    rows = re.findall(r"^\| (\w+) \| ([^|]+) \|", observation, flags=re.M)[1:]
+    assert rows == [(name, size) for name, size, _ in table("environment.md", "Observation")[1:]]
     information = said.partition("## Information")[2].partition("## Arguments")[0]
     keys = re.findall(r"^\| ([\w, ]+) \|", information, flags=re.M)[1:]
     assert ", ".join(keys).split(", ") == list(INFO_KEYS)

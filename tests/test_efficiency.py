@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -14,8 +16,22 @@ from satid_gym import SATELLITES
 from satid_gym.bounds import episode_bounds, ideal_error, posterior_bound
 from satid_gym.estimators import MomentumEKFSettings, brief
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policy import Mission
 
 SQUARE = {"period": 24.0, "margin": 2.5}
+
+
+class Asking:
+    """Does nothing, and keeps what it is shown: the filter's whole covariance."""
+
+    name, kind, include_covariance = "asking", "scripted", True
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        self.mission, self.seen = mission, []
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        self.seen.append(observation)
+        return np.zeros((len(observation), self.mission.satellite.wheels.count))
 
 
 @pytest.mark.parametrize("inertia", ["static", "step"])
@@ -104,3 +120,13 @@ def test_a_timed_policy_decides_as_the_policy_does() -> None:
     np.testing.assert_array_equal(fly(timed, **cell).error, fly(build("rate_square", SQUARE), **cell).error)
     assert len(timed.times) == 300
     assert min(timed.times) <= timed.decision_ms / 1e3 <= max(timed.times)
+
+
+def test_timed_or_recorded_a_policy_sees_what_it_asks_for() -> None:
+    cell = {"satellite": "cubesat", "inertia": "static", "seeds": [1, 2], "scenario": {"horizon": 5.0}}
+    alone, timed, recorded = Asking(), Asking(), Asking()
+    fly(alone, **cell), fly(TimedPolicy(timed), **cell), record(recorded, **cell)
+    assert np.shape(alone.seen) == (5, 2, 70)
+    np.testing.assert_array_equal(timed.seen, alone.seen)
+    np.testing.assert_allclose(recorded.seen, alone.seen, rtol=1e-5, atol=1e-6)
+    assert TimedPolicy(build("zero", {})).include_covariance is False

@@ -68,6 +68,8 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
         {"scenario": "tight"},
         {"scenario": "faults"},
         {"estimator": "rate"},
+        {"include_covariance": True},
+        {"estimator": "rate", "include_covariance": True},
     ],
     ids=str,
 )
@@ -113,14 +115,19 @@ def test_a_new_process_finds_it_by_its_module_name():
 
 
 def test_spec_and_problem_go_to_json_and_back():
-    made = gymnasium.make("SatInertiaID-v0", satellite=SATELLITES["cubesat"].to_dict(), inertia="drift", reward="trace")
+    made = gymnasium.make(
+        "SatInertiaID-v0",
+        satellite=SATELLITES["cubesat"].to_dict(),
+        inertia="drift",
+        reward="trace",
+        include_covariance=True,
+    )
     spec = EnvSpec.from_json(made.spec.to_json())
     again = gymnasium.make(spec)
     assert again.unwrapped.problem == made.unwrapped.problem
     values = json.loads(json.dumps(made.unwrapped.problem.to_dict(), allow_nan=False))
-    built = SatInertiaIDEnv(
-        values["satellites"], values["inertia"], values["scenario"], values["estimator"], values["reward"]
-    )
+    settings = [values[name] for name in ("satellites", "inertia", "scenario", "estimator", "reward")]
+    built = SatInertiaIDEnv(*settings, include_covariance=values["include_covariance"])
     assert built.problem == made.unwrapped.problem
     for env in (made, again, built):
         env.reset(seed=3)
@@ -144,7 +151,7 @@ def test_returned_types_are_pythons():
 
 
 def test_docstring_is_the_specification():
-    for word in (*INFO_KEYS, *SatInertiaIDEnv().layout, "Terminated", "Truncated"):
+    for word in (*INFO_KEYS, *SatInertiaIDEnv(include_covariance=True).layout, "Terminated", "Truncated"):
         assert word in SatInertiaIDEnv.__doc__, word
 
 
@@ -440,9 +447,9 @@ def test_draws_beside_the_impossible_are_drawn_again():
 @pytest.mark.parametrize("net", [False, True])
 @pytest.mark.compiled
 def test_a_plugged_in_filter_gives_what_the_compiled_one_gives(foreign, own, settings, net):
-    reward = {"net": net}
-    compiled = SatInertiaIDEnv(estimator={"name": own} | settings, reward=reward)
-    plugged = SatInertiaIDEnv(estimator=foreign(**settings), reward=reward)
+    asked = {"reward": {"net": net}, "include_covariance": True}
+    compiled = SatInertiaIDEnv(estimator={"name": own} | settings, **asked)
+    plugged = SatInertiaIDEnv(estimator=foreign(**settings), **asked)
     for _ in range(2):
         a, b = compiled.reset(seed=4), plugged.reset(seed=4)
         np.testing.assert_allclose(a[0], b[0], rtol=0, atol=1e-9)
@@ -497,7 +504,8 @@ def test_pyramid_of_four_wheels_on_a_full_tensor(pyramid):
 
 
 def test_problem_is_what_was_asked_for():
-    env = SatInertiaIDEnv("cubesat", "step", "tight", "rate", {"net": True}, 50)
-    assert env.problem == problem("cubesat", "step", "tight", "rate", {"net": True}, 50)
+    env = SatInertiaIDEnv("cubesat", "step", "tight", "rate", {"net": True}, 50, include_covariance=True)
+    assert env.problem == problem("cubesat", "step", "tight", "rate", {"net": True}, 50, True)
+    assert env.problem != problem("cubesat", "step", "tight", "rate", {"net": True}, 50)
     assert env.problem.scenario.decisions == 50
     assert (env.problem.scenario.name, env.problem.estimator.name) == ("tight", "rate")

@@ -29,6 +29,10 @@ class Constant:
         return np.tile(self.action, (self.count, 1))
 
 
+class Asking(Constant):
+    include_covariance = True
+
+
 # metrics
 
 
@@ -207,6 +211,19 @@ def test_policies_of_a_cell_fly_the_same_episodes():
     fly(one, **cell), fly(other, **cell)
     np.testing.assert_array_equal(one.first, other.first)
     assert len(np.unique(one.first, axis=0)) == 4
+
+
+def test_a_policy_that_asks_is_given_the_covariance():
+    cell = {"satellite": "cubesat", "inertia": "random", "seeds": seeds("test", 2), "scenario": {"horizon": 5.0}}
+    asking, other = Asking(0.1, 0.0, 0.0), Constant(0.1, 0.0, 0.0)
+    np.testing.assert_array_equal(fly(asking, **cell).error, fly(other, **cell).error)
+    assert asking.mission.layout == problem(include_covariance=True).layout
+    assert other.mission.layout == problem().layout
+    assert asking.first.shape == (2, 70)
+    np.testing.assert_array_equal(asking.first[:, :37], other.first)
+    asking.include_covariance = False
+    fly(asking, **cell)
+    assert asking.mission.layout == problem().layout
 
 
 @pytest.mark.compiled

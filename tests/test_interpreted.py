@@ -52,8 +52,14 @@ def rollouts() -> dict[str, np.ndarray]:
             scenario={"tilt_std": 0.1},
             estimator={"name": "momentum", "parameters": "full", "substeps": 2},
             reward="trace",
+            include_covariance=True,
         ),
-        "rate": episode(inertia="drift", scenario="paper", reward={"criterion": "maxeig", "net": True}),
+        "rate": episode(
+            inertia="drift",
+            scenario="paper",
+            reward={"criterion": "maxeig", "net": True},
+            include_covariance=True,
+        ),
         "tight": episode(satellite="smallsat", scenario="tight", inertia="static"),
     }
 

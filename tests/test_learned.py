@@ -17,11 +17,12 @@ from satid_gym.policy import missions
 from satid_gym.problem import problem
 
 SIZE = 37
+WHOLE = 70  # with the filter's whole covariance
 
 
-def network(seed: int = 0, outputs: int = 3, scale: float = 0.3) -> Network:
+def network(seed: int = 0, outputs: int = 3, scale: float = 0.3, inputs: int = SIZE) -> Network:
     rng = np.random.default_rng(seed)
-    sizes = [SIZE, 16, 8, outputs]
+    sizes = [inputs, 16, 8, outputs]
     weights = tuple((scale * rng.standard_normal((b, a))).astype(np.float32) for a, b in pairwise(sizes))
     return Network(weights, tuple(rng.standard_normal(b).astype(np.float32) for b in sizes[1:]))
 
@@ -35,12 +36,13 @@ def test_the_network_is_the_one_torch_computes():
 
 
 def test_a_saved_policy_acts_the_same(tmp_path):
-    policy = LearnedPolicy("one", network(), "rate", 2.4, {"note": "kept"})
+    policy = LearnedPolicy("one", network(), "rate", 2.4, details={"note": "kept"})
     policy.save(tmp_path / "one")
     again = find(str(tmp_path / "one"))
     observation = np.random.default_rng(2).uniform(-1, 1, (4, SIZE)).astype(np.float32)
     np.testing.assert_array_equal(again.network(observation), policy.network(observation))
     assert (again.name, again.control, again.margin, again.details) == ("one", "rate", 2.4, {"note": "kept"})
+    assert again.include_covariance is False
     assert sorted(p.name for p in tmp_path.iterdir()) == ["one.json", "one.safetensors"]
 
 
@@ -64,6 +66,54 @@ def test_torque_is_passed_on_and_cut():
 def test_it_flies_an_episode():
     flight = fly(LearnedPolicy("any", network(), "rate", 2.4), satellite="cubesat", inertia="static", seeds=[1, 2])
     assert flight.error.shape == (300, 2)
+
+
+def test_it_flies_with_the_covariance():
+    """As the same network without, where the weights of what it sees more of are 0; and not so where they are not."""
+    cell = {"satellite": "cubesat", "inertia": "static", "seeds": [1, 2], "scenario": {"horizon": 20.0}}
+    first, *others = network().weights
+    errors = []
+    for more in (0.0, 1.0):
+        wide = np.hstack([first, np.full((len(first), WHOLE - SIZE), more, np.float32)])
+        policy = LearnedPolicy("wide", Network((wide, *others), network().biases), "rate", 2.4, include_covariance=True)
+        errors.append(fly(policy, **cell).error)
+    narrow = fly(LearnedPolicy("narrow", network(), "rate", 2.4), **cell).error
+    np.testing.assert_allclose(errors[0], narrow, rtol=1e-5)
+    assert not np.allclose(errors[1], narrow, rtol=1e-2)
+
+
+def test_files_keep_whether_the_covariance_is_observed(tmp_path):
+    LearnedPolicy("x", network(inputs=WHOLE), "rate", 2.4, include_covariance=True).save(tmp_path / "x")
+    assert find(str(tmp_path / "x")).include_covariance is True
+    head = json.loads((tmp_path / "x.json").read_text())
+    assert head.pop("include_covariance") is True
+    (tmp_path / "x.json").write_text(json.dumps(head))  # as files of before it was asked
+    again = find(str(tmp_path / "x"))
+    assert again.include_covariance is False
+    assert again.details == {}
+
+
+@pytest.mark.parametrize("flag", [1, "yes", None, {"note": "where the details were once"}], ids=str)
+def test_what_is_no_flag_is_refused(tmp_path, flag):
+    message = "include_covariance of a learned policy must be True or False"
+    with pytest.raises(ValueError, match=message):
+        LearnedPolicy("x", network(), "rate", 2.4, flag)
+    LearnedPolicy("x", network(), "rate", 2.4).save(tmp_path / "x")
+    head = json.loads((tmp_path / "x.json").read_text())
+    (tmp_path / "x.json").write_text(json.dumps({**head, "include_covariance": flag}))
+    with pytest.raises(ValueError, match=f"describes no policy: {message}"):
+        find(str(tmp_path / "x"))
+
+
+@pytest.mark.parametrize("asks", [False, True])
+def test_an_observation_with_the_covariance_or_without_is_refused(asks):
+    own, other = (WHOLE, SIZE) if asks else (SIZE, WHOLE)
+    (mission,) = missions(problem(include_covariance=not asks))
+    policy = LearnedPolicy("x", network(inputs=own), "rate", 2.4, asks)
+    with pytest.raises(
+        ValueError, match=f"of {own} numbers, this environment gives {other}.*include_covariance={asks}"
+    ):
+        policy.reset(mission, [0])
 
 
 def test_an_observation_of_another_size_is_refused():

@@ -44,18 +44,56 @@ def test_layout_is_contiguous_and_fills_the_space():
     assert env.layout == layout(3, 6)
 
 
+@pytest.mark.parametrize(
+    ("name", "parameters", "wheels", "size"),
+    [
+        ("momentum", "principal", 3, 37 + 6 + 9 * 8 // 2 - 9),
+        ("momentum", "full", 4, 54 + 6 + 12 * 11 // 2 - 18),
+        ("rate", "principal", 3, 37 + 6 + 9 * 8 // 2 - 9),
+        ("rate", "full", 4, 54 + 7 + 13 * 12 // 2 - 18),
+    ],
+)
+def test_the_covariance_follows_and_changes_nothing_before(name, parameters, wheels, size, pyramid):
+    settings = {
+        "satellite": "cubesat" if wheels == 3 else pyramid,
+        "estimator": {"name": name, "parameters": parameters},
+    }
+    short, long = (SatInertiaIDEnv(**settings, include_covariance=flag) for flag in (False, True))
+    assert long.observation_space.shape == (size,)
+    parts = list(long.layout.items())
+    assert parts[:-2] == list(short.layout.items())
+    assert parts[-1][1].stop == size
+    assert all(a.stop == b.start for (_, a), (_, b) in itertools.pairwise(parts))
+    (a, _), (b, _) = short.reset(seed=3), long.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        np.testing.assert_array_equal(a, b[: len(a)])
+        assert len(b) == size
+        action = rng.uniform(-0.3, 0.3, wheels).astype(np.float32)
+        (a, *rest, info), (b, *same, same_info) = short.step(action), long.step(action)
+        assert rest == same
+        for key, value in info.items():
+            np.testing.assert_array_equal(value, same_info[key], err_msg=key)
+
+
 @pytest.mark.parametrize("new", [MomentumRecorder, RateRecorder], ids=["momentum", "rate"])
 @pytest.mark.parametrize(("name", "parameters"), [*((name, "principal") for name in SATELLITES), ("pyramid", "full")])
 def test_every_part_by_its_definition(name, parameters, new, pyramid):
     recorder = new(parameters=parameters)
     satellite = SATELLITES.get(name, pyramid)
-    env = SatInertiaIDEnv(satellite, scenario={"decision_period": 2.0}, estimator=recorder)
+    env = SatInertiaIDEnv(satellite, scenario={"decision_period": 2.0}, estimator=recorder, include_covariance=True)
     scenario, wheels = env.problem.scenario, satellite.wheels
     spin, prior = wheels.axes * wheels.inertia, brief(satellite, scenario).inertia
     moments = np.diag(prior)
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: 3 if parameters == "principal" else 6]
     p = len(places)
     scale = np.sqrt([moments[i] * moments[j] for i, j in places])
+    if recorder.coordinates == "momentum":
+        others = [*moments * satellite.rate_limit, *3 * [satellite.disturbance_std]]
+    else:
+        others = [*3 * [satellite.rate_limit], *wheels.max_speed]
+    rows, columns = np.triu_indices(p + len(others), 1)  # row by row
+    told = (rows < 3) & (columns >= 3) & (columns < 3 + p)
     observation, _ = env.reset(seed=5)
     rng = np.random.default_rng(0)
     for step in range(8):
@@ -85,11 +123,31 @@ def test_every_part_by_its_definition(name, parameters, new, pyramid):
             "drift": slope * 2.0 / satellite.rate_limit,
             "command": action,
             "time_left": [1.0 - (step + 1) / 150],
+            "state_uncertainty": np.log10(np.delete(std, slice(3, 3 + p)) / others) + 2.0,
+            "state_correlation": (covariance / np.outer(std, std))[rows, columns][~told],
         }
         for part, place in env.layout.items():
             value = np.clip(expected.pop(part), -BOUND, BOUND)
             np.testing.assert_allclose(observation[place], value, rtol=2e-6, atol=2e-6, err_msg=part)
         assert not expected
+
+
+@pytest.mark.parametrize("walk", [None, 0.0])
+def test_a_torque_whose_prior_std_is_zero(walk):
+    """No multiple of that is its std, whether the gravity gradient lets it walk or it is certain."""
+    satellite = SATELLITES["cubesat"].replace(disturbance_std=0.0)
+    estimator = {"name": "momentum", "disturbance_walk": walk}
+    env = SatInertiaIDEnv(satellite, estimator=estimator, include_covariance=True)
+    observation, _ = env.reset(seed=0)
+    rows, columns = np.triu_indices(9, 1)
+    torque = columns[(rows >= 3) | (columns < 3) | (columns >= 6)] >= 6
+    for _ in range(5):
+        observation, *_ = env.step(np.array([0.2, -0.1, 0.1], np.float32))
+        std, correlation = (observation[env.layout[f"state_{part}"]] for part in ("uncertainty", "correlation"))
+        np.testing.assert_array_equal(std[3:], -BOUND)
+        assert (np.abs(std[:3]) < BOUND).all()
+        assert (correlation[~torque] != 0.0).all()
+        assert np.any(correlation[torque]) == (walk is None)
 
 
 def test_what_is_beyond_ten_is_cut_to_ten():
@@ -105,7 +163,7 @@ def test_what_is_beyond_ten_is_cut_to_ten():
 @pytest.mark.parametrize("name", SATELLITES)
 @pytest.mark.compiled
 def test_observation_is_of_order_one_in_ordinary_flight(name):
-    env = SatInertiaIDEnv(name)
+    env = SatInertiaIDEnv(name, include_covariance=True)
     seen = []
     for seed in range(3):
         observation, _ = env.reset(seed=seed)
@@ -117,13 +175,14 @@ def test_observation_is_of_order_one_in_ordinary_flight(name):
             observation, *_ = env.step(np.clip((rate - target) / authority, -1.0, 1.0).astype(np.float32))
     seen = np.array(seen)
     assert np.abs(seen).max() < BOUND, "nothing is cut"
-    assert np.abs(seen).mean() < 1.5
-    assert np.abs(seen).mean() > 0.1
+    for part in (seen[:, :37], seen[:, 37:]):
+        assert np.abs(part).mean() < 1.5
+        assert np.abs(part).mean() > 0.1
 
 
 @pytest.mark.compiled
 def test_observation_is_finite_and_bounded_whatever_the_action():
-    env = SatInertiaIDEnv("random", scenario={"termination_factor": 1e6})
+    env = SatInertiaIDEnv("random", scenario={"termination_factor": 1e6}, include_covariance=True)
     rng = np.random.default_rng(0)
     for seed in range(6):
         observation, _ = env.reset(seed=seed)

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from agents import record, video
+from agents.learned import LearnedPolicy, Network
 from agents.pilot import Pairing, Pilot
 from baselines.ending import ended
 from satid_gym import SatInertiaIDEnv
@@ -76,6 +77,17 @@ def test_a_pilot_far_outside_its_limits_stops():
 def test_a_policy_by_the_path_of_its_files():
     path = Path(record.__file__).parent / "pretrained" / "generalist"
     assert Pairing(policy=str(path), horizon=10.0).pilots()[0].name == "generalist"
+
+
+def test_pilots_see_what_their_policies_ask_for(tmp_path):
+    rng = np.random.default_rng(0)
+    layer = Network((rng.standard_normal((3, 70)).astype(np.float32),), (np.zeros(3, np.float32),))
+    LearnedPolicy("wide", layer, "rate", 2.4, include_covariance=True).save(tmp_path / "wide")
+    wide, zero = Pairing(policy=str(tmp_path / "wide"), beside="zero", horizon=10.0).pilots()
+    for pilot, size in ((wide, 70), (zero, 37)):
+        pilot.step()
+        assert pilot.env.observation_space.shape == (size,)
+    np.testing.assert_array_equal(wide.info["inertia_true"], zero.info["inertia_true"])
 
 
 # pictures

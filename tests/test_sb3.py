@@ -91,10 +91,10 @@ def test_a_restored_state_goes_on_as_the_original(adapter):
 
 
 def test_a_state_of_other_settings_is_refused(adapter):
-    other = SatInertiaIDVecEnv(4)
-    other.reset()
-    with pytest.raises(ValueError, match="other settings"):
-        adapter.restore(other.state())
+    for other in (SatInertiaIDVecEnv(4), SatInertiaIDVecEnv(5, include_covariance=True)):
+        other.reset()
+        with pytest.raises(ValueError, match="other settings"):
+            adapter.restore(other.state())
 
 
 def test_what_compiled_environments_have_not_is_said(adapter):

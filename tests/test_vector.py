@@ -96,12 +96,13 @@ def assert_same_infos(own: dict, expected: dict) -> None:
             np.testing.assert_allclose(own[key], value, rtol=1e-12, err_msg=key)
 
 
+@pytest.mark.parametrize("more", [{}, {"include_covariance": True}], ids=["", "include_covariance"])
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
-def test_autoreset_is_gymnasiums(mode):
+def test_autoreset_is_gymnasiums(mode, more):
     """The same flights in Gymnasium's own vector of single environments: every array and info key of every step."""
-    count = 6
-    own = SatInertiaIDVectorEnv(count, **SETTINGS, autoreset_mode=mode)
-    sync = SyncVectorEnv([lambda: SatInertiaIDEnv(**SETTINGS)] * count, autoreset_mode=mode)
+    count, settings = 6, SETTINGS | more
+    own = SatInertiaIDVectorEnv(count, **settings, autoreset_mode=mode)
+    sync = SyncVectorEnv([lambda: SatInertiaIDEnv(**settings)] * count, autoreset_mode=mode)
     assert own.metadata["autoreset_mode"] is sync.metadata["autoreset_mode"] is mode
     assert own.observation_space == sync.observation_space
     assert own.action_space == sync.action_space
