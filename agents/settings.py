@@ -1,4 +1,4 @@
-"""Settings of a training run, and the named ones that are kept as data."""
+"""Settings of training runs, and the named ones that are kept as data."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from agents.learned import check_name
 from baselines.provenance import read_json
-from satid_gym.config import unknown_name
-from satid_gym.problem import SatelliteLike
+from satid_gym.config import check_number, check_whole, unknown_name
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite
 
@@ -20,10 +19,10 @@ NAMED = Path(__file__).parent / "settings"
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainSettings:
-    """Everything that decides what a training run learns."""
+class Task:
+    """What a policy learns to fly."""
 
-    name: str = "ppo"
+    name: str = "policy"
     """What tables call the policy."""
     satellite: str = "random"
     """Satellite to train on; "random" draws from all three."""
@@ -33,18 +32,66 @@ class TrainSettings:
     """How the inertia varies: a mode, or "random"; laws are randomised."""
     scenario: str = "default"
     """The world to train in."""
+    margin: float = 2.6
+    """Of the rate loop, in standard deviations of one decision's noise."""
+    hidden: tuple[int, ...] = (64, 64)
+    """Layers of the network."""
+    seed: int = 0
+    """Of environments, network and exploration."""
+    evaluation_episodes: int = 32
+    """Episodes of an evaluation on validation seeds, on each satellite."""
+
+    def __post_init__(self) -> None:
+        check_name(self.name)
+        if self.satellite != "random" and self.satellite not in SATELLITES:
+            raise unknown_name("satellite", self.satellite, [*SATELLITES, "random"])
+
+    @property
+    def satellites(self) -> tuple[Satellite, ...]:
+        """Names resolved, one for each that is evaluated."""
+        return tuple(SATELLITES.values()) if self.satellite == "random" else (SATELLITES[self.satellite],)
+
+    def pool(self) -> list[Satellite]:
+        """What episodes draw their satellite from."""
+        return [
+            s.replace(wheels=s.wheels.replace(max_speed=scale * s.wheels.max_speed))
+            for s in self.satellites
+            for scale in self.wheel_scales
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return json.loads(json.dumps(dataclasses.asdict(self)))
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """From plain values.
+
+        Raises:
+            ValueError: a name is unknown or a value is not valid.
+        """
+        valid = [f.name for f in dataclasses.fields(cls)]
+        for name in values:
+            if name not in valid:
+                raise unknown_name("training setting", name, valid)
+        plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+        return cls(**plain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainSettings(Task):
+    """Everything that decides what a training run learns."""
+
+    name: str = "ppo"
+    """What tables call the policy."""
     control: Literal["rate", "torque"] = "rate"
     """What the network commands: body rates through the rate loop, or wheel torque at once."""
     include_covariance: bool = True
     """Whether the network sees the filter's whole covariance."""
-    margin: float = 2.6
-    """Of the rate loop, in standard deviations of one decision's noise."""
     reward: RewardSettings = field(default_factory=RewardSettings)
     """What pays in training."""
     steps: int = 10_000_000
     """Decisions to train for, all environments together."""
-    seed: int = 0
-    """Of environments, network and exploration."""
     num_envs: int = 192
     """Environments side by side."""
     rollout: int = 100
@@ -65,60 +112,70 @@ class TrainSettings:
     """Of PPO's ratio."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
-    hidden: tuple[int, ...] = (64, 64)
-    """Layers of policy and value network."""
     log_std: float = 0.5
     """First logarithm of the exploration's standard deviation."""
     hold: int = 20
     """Decisions for which state-dependent exploration keeps its direction."""
     evaluate_every: int = 1_000_000
     """Decisions between evaluations on validation seeds."""
-    evaluation_episodes: int = 32
-    """Episodes of an evaluation, on each satellite."""
 
     def __post_init__(self) -> None:
-        check_name(self.name)
+        super().__post_init__()
         if (self.num_envs * self.rollout) % self.batch_size:
             raise ValueError(
                 f"batch_size must divide num_envs * rollout = {self.num_envs * self.rollout}, got {self.batch_size}"
             )
-        if self.satellite != "random" and self.satellite not in SATELLITES:
-            raise unknown_name("satellite", self.satellite, [*SATELLITES, "random"])
         if self.steps < 1:
             raise ValueError(f"steps must be at least 1, got {self.steps}")
 
-    @property
-    def satellites(self) -> tuple[Satellite, ...]:
-        """Names resolved, one for each that is evaluated."""
-        return tuple(SATELLITES.values()) if self.satellite == "random" else (SATELLITES[self.satellite],)
-
-    def pool(self) -> SatelliteLike:
-        """What episodes draw their satellite from."""
-        return [
-            s.replace(wheels=s.wheels.replace(max_speed=scale * s.wheels.max_speed))
-            for s in self.satellites
-            for scale in self.wheel_scales
-        ]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values."""
-        return json.loads(json.dumps(dataclasses.asdict(self)))
-
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> TrainSettings:
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """From plain values.
 
         Raises:
             ValueError: a name is unknown or a value is not valid.
         """
-        valid = [f.name for f in dataclasses.fields(cls)]
-        for name in values:
-            if name not in valid:
-                raise unknown_name("training setting", name, valid)
-        plain = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-        if "reward" in plain:
-            plain["reward"] = reward_settings(plain["reward"])
-        return cls(**plain)
+        if "reward" in values:
+            values = {**values, "reward": reward_settings(values["reward"])}
+        return super().from_dict(values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImitationSettings(Task):
+    """Everything that decides what is learned from model-predictive excitation."""
+
+    name: str = "generalist"
+    """What tables call the policy."""
+    hidden: tuple[int, ...] = (128, 128)
+    """Layers of the network."""
+    wheel_scales: tuple[float, ...] = (1.0, 0.1)
+    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight")."""
+    margin: float = 2.75
+    """Of the rate loop, in standard deviations of one decision's noise."""
+    rounds: int = 6
+    """Rounds of flights; the teacher flies the first, the network the others."""
+    episodes: int = 24
+    """Episodes a round on each satellite with each factor on its wheels."""
+    taught: float = 0.15
+    """Share of the later rounds' episodes that the teacher flies."""
+    edits: int = 48
+    """Edits of the plan that the teacher tries in each decision."""
+    epochs: int = 20
+    """Passes over all decisions in the last fit."""
+    round_epochs: int = 6
+    """Passes over them in the fit after any other round."""
+    batch_size: int = 1024
+    """Decisions in a minibatch."""
+    learning_rate: float = 2e-3
+    """At the start of a fit; falls linearly to a hundredth."""
+    evaluation_episodes: int = 64
+    """Episodes of an evaluation on validation seeds, on each satellite."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("rounds", "episodes", "edits", "epochs", "round_epochs", "batch_size"):
+            check_whole(name, getattr(self, name))
+        check_number("taught", self.taught, high=1.0)
 
 
 def named(name: str) -> TrainSettings:

@@ -16,6 +16,7 @@ import io
 import shlex
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,7 +32,7 @@ from tqdm import tqdm
 from agents import checkpoint
 from agents.learned import LearnedPolicy, Network
 from agents.rate_env import RateCommandVecEnv
-from agents.settings import TrainSettings, named
+from agents.settings import Task, TrainSettings, named
 from baselines.ending import ended
 from baselines.provenance import PART, read_json, revision, versions, write_json, write_text
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
@@ -55,17 +56,20 @@ class ExcitationPPO(PPO):
             self.after_update()
 
 
+def network_of(layers: Iterable[torch.nn.Module]) -> Network:
+    """The linear ones of torch's layers, in order."""
+    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+    weights = tuple(layer.weight.detach().numpy().copy() for layer in linear)
+    return Network(weights, tuple(layer.bias.detach().numpy().copy() for layer in linear))
+
+
 def learned_policy(model: PPO, settings: TrainSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
-    body = [m for m in model.policy.mlp_extractor.policy_net if isinstance(m, torch.nn.Linear)]
-    layers = [*body, model.policy.action_net]
-    weights = tuple(layer.weight.detach().numpy().copy() for layer in layers)
-    biases = tuple(layer.bias.detach().numpy().copy() for layer in layers)
-    network, s = Network(weights, biases), settings
+    network, s = network_of([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
     return LearnedPolicy(s.name, network, s.control, s.margin, s.include_covariance)
 
 
-def validate(policy: LearnedPolicy, settings: TrainSettings, episodes: int) -> list[dict[str, Any]]:
+def validate(policy: LearnedPolicy, settings: Task, episodes: int) -> list[dict[str, Any]]:
     """Mean scores on validation seeds and the paper's laws, one row a satellite."""
     rows = []
     for satellite in settings.satellites:

@@ -2,8 +2,8 @@
 
 A planner keeps the covariance that the MomentumEKF must have: the same equations, along the rates that were
 observed, for observations give only part of it. From there it flies candidate commands, as `RateLoop` would
-turn them into torque, on the estimated satellite without noise, and adds up what the filter's updates gain.
-Time goes in `steps` a decision, with the readings of a step taken as one of their mean's noise.
+turn them into torque, on the estimated satellite without noise, and adds up what the filter's updates gain and
+leave to be known. Time goes in `steps` a decision, with the readings of a step taken as one of their mean's noise.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from satid_gym.core.algebra import (
 from satid_gym.core.dynamics import sum_wheels
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.kalman import estimated_inertia
+from satid_gym.core.random import uniform
 from satid_gym.core.records import LOGDET
 from satid_gym.core.reward import spread
 from satid_gym.estimators.belief import new_belief, new_work
@@ -38,15 +39,15 @@ from satid_gym.policy import Mission
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Forecast:
-    """What candidates promise, nats.
+    """What candidates promise.
 
     Attributes:
-        gained: (N, C) sum over updates of 1/2 log(det P before / det P after).
-        held: (N, C) mean over the horizon of 1/2 log(det P of the prior / det P).
+        gained: (N, C) nats, sum over updates of 1/2 log(det P before / det P after).
+        error: (N, C) relative error of the inertia that the filter expects, root mean square, mean over the horizon.
     """
 
     gained: np.ndarray
-    held: np.ndarray
+    error: np.ndarray
 
 
 class Planner:
@@ -74,7 +75,6 @@ class Planner:
             tachometer_noise_std=briefing.tachometer_noise_std * averaged,
         )
         self.beliefs = np.repeat(new_belief(briefing, settings), episodes)
-        self._scratch = self.beliefs[:1].copy()
         self._work = new_work(satellite.wheels.count, settings)
         self._before: Belief | None = None
 
@@ -102,26 +102,34 @@ class Planner:
 
     def forecast(self, commands: np.ndarray) -> Forecast:
         """Fly candidates (N or 1, C, H, 3): H decisions of rate commands in [-1, 1]."""
-        belief, craft = self._before, self.craft
-        assert belief is not None
         shape = (len(self.beliefs), commands.shape[1])
-        out = Forecast(gained=np.empty(shape), held=np.empty(shape))
-        limit = np.maximum(craft.max_spin - self._margin * craft.impulse_std, 0.0)[0]
-        wheels = (craft.mixer[0], craft.carried[0], craft.max_torque[0], limit)
-        times = (self._step, self._steps)
-        forecast_many(
-            self.beliefs,
-            self._scratch,
-            self._work,
-            belief.omega,
-            self.rate_cap(),
-            commands,
-            *wheels,
-            *times,
-            out.gained,
-            out.held,
-        )
+        out = Forecast(gained=np.empty(shape), error=np.empty(shape))
+        trail = self._trail(commands.shape[2])
+        forecast_many(self.beliefs, trail, self._work, *self._start(), commands, *self._world(), out.gained, out.error)
         return out
+
+    def improve(self, plans: np.ndarray, streams: np.ndarray, edits: int, ahead: int) -> None:
+        """Lessen the error that plans (N, H, 3) of rate commands, each -1 or 1, promise over `ahead` decisions.
+
+        Local search: one edit after another, drawn from the streams (N, 4), is kept where it helps.
+        """
+        trails = (self._trail(ahead), self._trail(ahead))
+        improve_many(self.beliefs, *trails, self._work, *self._start(), plans, streams, edits, ahead, *self._world())
+
+    def _trail(self, ahead: int) -> np.ndarray:
+        """Room for the beliefs along a plan."""
+        return np.empty(ahead + 1, self.beliefs.dtype)
+
+    def _start(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) rates that forecasts begin with and (N, 3) caps, rad/s."""
+        assert self._before is not None
+        return self._before.omega, self.rate_cap()
+
+    def _world(self) -> tuple[tuple[np.ndarray, ...], float, int]:
+        """What a forecast flies, and its steps."""
+        craft = self.craft
+        limit = np.maximum(craft.max_spin - self._margin * craft.impulse_std, 0.0)[0]
+        return (craft.mixer[0], craft.carried[0], craft.max_torque[0], limit), self._step, self._steps
 
 
 def _parameters(inertia: np.ndarray, count: int) -> np.ndarray:
@@ -149,8 +157,9 @@ def _turn(belief, work, mixer, inertia, end, step, speed, rate):
 
 
 @inline
-def _reach(belief, inertia, omega, wanted, mixer, carried, max_torque, max_spin, period, wheel):
+def _reach(belief, inertia, omega, wanted, build, period, wheel):
     """Body rate a decision after `omega` when `RateLoop` is told `wanted`, rad/s."""
+    mixer, carried, max_torque, max_spin = build
     momentum, tau = load(belief.mean), load(belief.mean[3 + belief.prior_theta.shape[0] :])
     stored = subtract(momentum, multiply(inertia, wanted))
     _mix(mixer, stored, wheel)
@@ -164,6 +173,71 @@ def _reach(belief, inertia, omega, wanted, mixer, carried, max_torque, max_spin,
     for k in range(wheel.shape[0]):
         wheel[k] = min(max(wheel[k], -max_torque[k]), max_torque[k])
     return axpy(period, multiply(inverse(loose), subtract(drift, sum_wheels(belief.axes, wheel))), omega)
+
+
+@inline
+def _frobenius(belief):
+    """Norms of the inertia and of its error's standard deviation, kg m^2."""
+    size = error = 0.0
+    for k in range(belief.prior_theta.shape[0]):
+        weight = 1.0 if k < 3 else 2.0
+        size += weight * belief.mean[3 + k] ** 2
+        error += weight * belief.covariance[3 + k, 3 + k]
+    return np.sqrt(size), np.sqrt(error)
+
+
+@inline
+def _fly(trail, errors, omegas, work, cap, plan, first, ahead, build, step, steps, counting, most, wheel, rate):
+    """Nats gained (where counting) by a plan from its decision `first` on; it stops where the error passes `most`.
+
+    Row d of trail, omegas and errors is what decision d begins with: belief, rate, sum over steps of the error so far.
+    """
+    inertia = estimated_inertia(trail[first])
+    gained = 0.0
+    for d in range(first, ahead):
+        trail[d + 1] = trail[d]
+        belief, omega, total = trail[d + 1], load(omegas[d]), errors[d]
+        x, y, z = load(plan[d])
+        end = _reach(belief, inertia, omega, (x * cap[0], y * cap[1], z * cap[2]), build, step * steps, wheel)
+        change = subtract(end, omega)
+        for s in range(steps):
+            _turn(belief, work, build[0], inertia, axpy((s + 1.0) / steps, change, omega), step, wheel, rate)
+            if counting:
+                gained += spread(belief, work, LOGDET)
+            momentum_filter.condition(belief, work, rate)
+            if counting:
+                gained -= spread(belief, work, LOGDET)
+            size, error = _frobenius(belief)
+            total += error / size
+        store(omegas[d + 1], end)
+        errors[d + 1] = total
+        if total > most:
+            errors[ahead] = total
+            break
+    return gained
+
+
+_SOON = 6  # decisions ahead: what is to be flown next is edited more often
+
+
+@inline
+def _edit(plan, ahead, stream):
+    """Change one axis of a plan: all reversals sooner or later, or reverse it for a while or from some time on."""
+    k = np.int64(3.0 * uniform(stream))
+    reach = min(ahead, _SOON) if uniform(stream) < 0.35 else ahead
+    start = np.int64(reach * uniform(stream))
+    span = 1 + np.int64(-(2.5 if uniform(stream) < 0.6 else 12.0) * np.log(uniform(stream)))
+    kind = uniform(stream)
+    if kind < 0.15:
+        for t in range(ahead):
+            plan[t, k] = plan[min(t + span, ahead - 1), k]
+    elif kind < 0.3:
+        for t in range(ahead - 1, -1, -1):
+            plan[t, k] = plan[max(t - span, 0), k]
+    else:
+        end = ahead if kind < 0.55 else min(start + span, ahead)
+        for t in range(start, end):
+            plan[t, k] = -plan[t, k]
 
 
 def _build_follow(fingerprint):
@@ -188,40 +262,61 @@ def _build_follow(fingerprint):
 
 
 def _build_forecast_many(fingerprint):
-    def forecast_many(
-        beliefs, scratch, work, omegas, caps, commands, mixer, carried, max_torque, max_spin, step, steps, gained, held
-    ):  # fmt: skip
-        """See `Planner.forecast`; omegas, caps (N, 3), commands (N or 1, C, H, 3), gained and held (N, C)."""
+    def forecast_many(beliefs, trail, work, start, caps, commands, build, step, steps, gained, error):
+        """See `Planner.forecast`; start and caps (N, 3), commands (N or 1, C, H, 3), gained and error (N, C)."""
         fingerprint  # noqa: B018
-        wheel, rate = np.empty(mixer.shape[0]), np.empty(3)
-        period, horizon = step * steps, commands.shape[2]
+        ahead = commands.shape[2]
+        wheel, rate = np.empty(build[0].shape[0]), np.empty(3)
+        omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
         for i in range(beliefs.shape[0]):
             row = min(i, commands.shape[0] - 1)
-            inertia = estimated_inertia(beliefs[i])
+            trail[0], omegas[0] = beliefs[i], start[i]
             for c in range(commands.shape[1]):
-                scratch[0] = beliefs[i]
-                belief = scratch[0]
-                omega = load(omegas[i])
-                gained[i, c] = held[i, c] = 0.0
-                for d in range(horizon):
-                    x, y, z = load(commands[row, c, d])
-                    wanted = (x * caps[i, 0], y * caps[i, 1], z * caps[i, 2])
-                    end = _reach(
-                        belief, inertia, omega, wanted, mixer, carried, max_torque, max_spin, period, wheel
-                    )  # fmt: skip
-                    change = subtract(end, omega)
-                    for s in range(steps):
-                        to = axpy((s + 1.0) / steps, change, omega)
-                        _turn(belief, work[0], mixer, inertia, to, step, wheel, rate)
-                        before = spread(belief, work[0], LOGDET)
-                        momentum_filter.condition(belief, work[0], rate)
-                        after = spread(belief, work[0], LOGDET)
-                        gained[i, c] += before - after
-                        held[i, c] -= after / (horizon * steps)
-                    omega = end
+                gained[i, c] = _fly(
+                    trail, errors, omegas, work[0], caps[i], commands[row, c], 0, ahead, build, step, steps, True,
+                    np.inf, wheel, rate,
+                )  # fmt: skip
+                error[i, c] = errors[ahead] / (ahead * steps)
 
     return forecast_many
 
 
+def _build_improve_many(fingerprint):
+    def improve_many(beliefs, trail, other, work, start, caps, plans, streams, edits, ahead, build, step, steps):
+        """See `Planner.improve`; start and caps (N, 3), plans (N, H, 3), streams (N, 4)."""
+        fingerprint  # noqa: B018
+        wheel, rate, trial = np.empty(build[0].shape[0]), np.empty(3), np.empty(plans.shape[1:])
+        omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
+        others, sums = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
+        for i in range(beliefs.shape[0]):
+            plan, cap = plans[i], caps[i]
+            trail[0], omegas[0] = beliefs[i], start[i]
+            _fly(
+                trail, errors, omegas, work[0], cap, plan, 0, ahead, build, step, steps, False, np.inf, wheel, rate
+            )  # fmt: skip
+            for _ in range(edits):
+                trial[:] = plan
+                _edit(trial, ahead, streams[i])
+                if uniform(streams[i]) < 0.5:
+                    _edit(trial, ahead, streams[i])
+                first = 0  # until then the trial is the plan
+                while first < ahead and (trial[first] == plan[first]).all():
+                    first += 1
+                if first == ahead:
+                    continue
+                other[first], others[first], sums[first] = trail[first], omegas[first], errors[first]
+                _fly(
+                    other, sums, others, work[0], cap, trial, first, ahead, build, step, steps, False, errors[ahead],
+                    wheel, rate,
+                )  # fmt: skip
+                if sums[ahead] < errors[ahead]:
+                    plan[:] = trial
+                    for d in range(first + 1, ahead + 1):
+                        trail[d], omegas[d], errors[d] = other[d], others[d], sums[d]
+
+    return improve_many
+
+
 follow = kernel(_build_follow)
 forecast_many = kernel(_build_forecast_many)
+improve_many = kernel(_build_improve_many)

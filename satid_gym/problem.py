@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from satid_gym.config import Config, check_flag, check_whole, unknown_name
+from satid_gym.config import Config, check_whole, unknown_name
 from satid_gym.core.observation import layout
 from satid_gym.core.records import draw_dtype, task_dtype
 from satid_gym.disturbance import Disturbance
@@ -51,7 +51,6 @@ class Problem(Config):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_flag("include_covariance", self.include_covariance)
         counts = {s.wheels.count for s in self.satellites}
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")

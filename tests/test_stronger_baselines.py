@@ -20,11 +20,12 @@ from satid_gym.scenario import Scenario
 QUIET = Scenario(torque_noise=0.0, inertia_std=1e-4, disturbance_scale=0.1)
 
 
-def held(planner: Planner) -> np.ndarray:
-    """Nats by which the planner's filter knows the inertia better than before launch."""
-    block = planner.beliefs["covariance"][:, 3:-3, 3:-3]
-    prior = planner.beliefs["prior_theta_std"]
-    return -0.5 * (np.linalg.slogdet(block)[1] - 2.0 * np.log(prior).sum(axis=1))
+def expected_error(planner: Planner) -> np.ndarray:
+    """Relative error, root mean square, that the planner's filter expects: Frobenius norms of symmetric tensors."""
+    theta = planner.beliefs["mean"][:, 3:-3]
+    variance = np.diagonal(planner.beliefs["covariance"], axis1=1, axis2=2)[:, 3:-3]
+    weight = np.array([1.0] * 3 + [2.0] * (theta.shape[1] - 3))
+    return np.sqrt((variance * weight).sum(axis=1) / (theta**2 * weight).sum(axis=1))
 
 
 @pytest.mark.parametrize("parameters", ["principal", "full"])
@@ -40,18 +41,18 @@ def test_forecast_comes_true_where_nothing_disturbs(scenario: Scenario, paramete
     for t in range(40):
         command = rng.uniform(-1.0, 1.0, (4, 3))
         planner.observe(observation)
-        before = held(planner)
+        before = expected_error(planner)
         forecast = planner.forecast(command[:, None, None])
         observation, *_ = env.step(loop(observation, command))
         if t > 4:
-            after = held(planner)
+            after = expected_error(planner)
             planner.observe(observation)
             assert (after == before).all()  # a forecast leaves no trace
             assert np.abs(forecast.gained).min() > 0.0
-            predicted.append(forecast.held[:, 0] - before)
-            actual.append(held(planner) - before)
+            predicted.append(np.log(forecast.error[:, 0] / before))
+            actual.append(np.log(expected_error(planner) / before))
     error = np.subtract(predicted, actual)  # gyro noise, of which the forecast knows nothing, is left
-    assert np.std(error) < 0.05 * np.std(actual)
+    assert np.std(error) < 0.08 * np.std(actual)
 
 
 @pytest.mark.parametrize("steps", [2, 10])
@@ -87,10 +88,35 @@ def test_a_reversal_pays_after_a_long_hold_if_one_looks_far_enough() -> None:
     planner.observe(observation)
     hold, back = (side * np.ones((1, 1, 12, 3)) for side in (1.0, -1.0))
     assert (planner.forecast(back).gained > planner.forecast(hold).gained).all()
-    assert (planner.forecast(back).held > planner.forecast(hold).held).all()
+    assert (planner.forecast(back).error < planner.forecast(hold).error).all()
 
 
-@pytest.mark.parametrize("policy", [GreedyPolicy("greedy", 1), GreedyPolicy("greedy_horizon", 4), MPCPolicy()])
+@pytest.mark.parametrize("ahead", [1, 7, 30])
+def test_local_search_never_makes_a_plan_worse_and_soon_makes_it_better(ahead: int) -> None:
+    """Judged by forecasts from the start, of which the search flies only what an edit changed."""
+    env = SatInertiaIDVectorEnv(3, "cubesat", "drift")
+    (mission,) = missions(env.problem)
+    planner, loop = Planner(mission, 3, 2, 2.5), RateLoop([mission], 2.5)
+    observation, _ = env.reset(seed=3)
+    for t in range(20):
+        planner.observe(observation)
+        observation, *_ = env.step(loop(observation, np.where((t // 6 + np.arange(3)) % 2 == 0, 1.0, -1.0)[None]))
+    planner.observe(observation)
+    plans = np.ones((3, 30, 3))
+    streams = np.random.default_rng(0).integers(1, 2**63, (3, 4), dtype=np.uint64)
+    errors = []
+    for _ in range(20):
+        errors.append(planner.forecast(plans[:, None, :ahead]).error[:, 0])
+        planner.improve(plans, streams, 5, ahead)
+        assert (np.abs(plans) == 1.0).all()
+    assert (np.diff(errors, axis=0) <= 0.0).all()
+    assert (plans[:, ahead:] == 1.0).all()  # what lies beyond is left alone
+    if ahead == 30:
+        assert (errors[-1] < 0.95 * errors[0]).all()
+        assert (np.diff(errors, axis=0) < 0.0).mean() > 0.3
+
+
+@pytest.mark.parametrize("policy", [GreedyPolicy("greedy", 1), GreedyPolicy("greedy_horizon", 4), MPCPolicy(edits=4)])
 def test_episodes_do_not_depend_on_their_neighbours(policy: GreedyPolicy | MPCPolicy) -> None:
     cell = {"satellite": "cubesat", "inertia": "random", "scenario": Scenario(horizon=25.0)}
     three = fly(policy, seeds=[4, 5, 6], **cell)
@@ -113,8 +139,10 @@ def test_planning_stays_inside_and_keeps_up_with_the_square_wave(name: str, sate
 def test_bad_settings_are_refused() -> None:
     with pytest.raises(ValueError, match="horizon and steps must be whole numbers of at least 1, got 0 and 2"):
         GreedyPolicy("greedy", 0)
-    with pytest.raises(ValueError, match=r"at least 1, got 10 and 1\.5"):
+    with pytest.raises(ValueError, match=r"at least 1, got 40, 1\.5 and 24"):
         MPCPolicy(steps=1.5)
+    with pytest.raises(ValueError, match="at least 1, got 40, 2 and 0"):
+        MPCPolicy(edits=0)
     with pytest.raises(ValueError, match="margin must be finite and at least 0"):
         MPCPolicy(margin=-1.0)
 

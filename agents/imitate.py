@@ -1,0 +1,274 @@
+"""Teach a network what model-predictive excitation would do: `python -m agents.imitate`, the shipped generalist anew.
+
+DAgger (Ross, Gordon and Bagnell, AISTATS 2011): the network flies, the planner says for every decision of those
+flights to which side it would turn each axis, and the network is fitted to all it has said so far. The planner
+takes a thousand times as long as the network, and on the way it may take longer than it could in flight.
+
+A run's folder holds settings, versions, revision, the learning curve, what the teacher said in each round and the
+policy. A run that is stopped at any moment goes on from its last whole round with --resume, with the same result.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import tyro
+from tqdm import tqdm
+
+from agents.learned import LearnedPolicy, Network
+from agents.settings import ImitationSettings
+from agents.train import network_of, validate
+from baselines.ending import ended
+from baselines.mpc import MPCPolicy
+from baselines.provenance import read_json, revision, versions, write_bytes, write_json, write_text
+from baselines.rate_loop import RateLoop
+from satid_gym import SatInertiaIDVectorEnv
+from satid_gym.evaluation import seeds
+from satid_gym.policy import missions
+from satid_gym.satellite import Satellite
+
+CURVE_FIELDS = ("round", "decisions", "seconds", "satellite", "final_error", "mean_error", "outside_fraction", "nees")
+_CLOCKS = (3, 6, 10, 15, 22, 30)  # decisions before the end at which units of the first layer begin to switch
+_GAIN = 16.0  # from log odds to the command, which is cut to [-1, 1]: all but undecided ones go to the limit
+
+
+def teach(
+    network: Network | None, satellite: Satellite, settings: ImitationSettings, flown: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fly episodes and ask the teacher at every decision.
+
+    Args:
+        network: flies all but the share that the teacher does; None lets the teacher fly all.
+        satellite: to fly.
+        settings: of the run.
+        flown: episodes of the run before these: their seeds are the next.
+
+    Returns:
+        Observations (D, size), float32, and the sides (D, 3), bool, that the teacher would turn to.
+    """
+    chosen = seeds("training", settings.episodes, flown)
+    env = SatInertiaIDVectorEnv(
+        len(chosen), satellite, settings.inertia, settings.scenario, num_threads=1, include_covariance=True
+    )
+    (mission,) = missions(env.problem)
+    loop, teacher = RateLoop([mission], settings.margin), MPCPolicy(edits=settings.edits, margin=settings.margin)
+    teacher.reset(mission, chosen)
+    observation, _ = env.reset(seed=chosen)
+    taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught
+    alive = np.ones(len(chosen), bool)
+    observations, sides = [], []
+    for _ in range(mission.scenario.decisions):
+        wanted = teacher.plan(observation)
+        observations.append(observation[alive])
+        sides.append(wanted[alive] > 0.0)
+        command = wanted if network is None else np.where(taught, wanted, network(observation))
+        observation, _, terminated, *_ = env.step(loop(observation, command))
+        alive &= ~terminated
+    env.close()
+    return np.concatenate(observations), np.concatenate(sides)
+
+
+def fit(
+    observations: np.ndarray, sides: np.ndarray, clock: int, horizon: int, settings: ImitationSettings, epochs: int
+) -> Network:
+    """A network whose commands have the teacher's signs, by logistic regression with Adam.
+
+    Args:
+        observations: (D, size).
+        sides: (D, 3) what the teacher would do.
+        clock: place of `time_left` in the observation.
+        horizon: decisions in an episode.
+        settings: of the run.
+        epochs: passes over the decisions.
+    """
+    torch.manual_seed(settings.seed)
+    widths = [observations.shape[1], *settings.hidden]
+    layers: list[torch.nn.Module] = []
+    for width, following in zip(widths, [*widths[1:], 3], strict=True):
+        layers += [torch.nn.Linear(width, following), torch.nn.Tanh()]
+    model = torch.nn.Sequential(*layers[:-1])
+    _set_clocks(model[0], clock, horizon)
+    x, y = torch.from_numpy(observations), torch.from_numpy(sides.astype(np.float32))
+    adam = torch.optim.Adam(model.parameters(), settings.learning_rate)
+    size = min(settings.batch_size, len(x))
+    count = epochs * (len(x) // size)
+    decay = torch.optim.lr_scheduler.LinearLR(adam, 1.0, 0.01, count)
+    for _ in range(epochs):
+        for rows in torch.randperm(len(x))[: len(x) // size * size].split(size):
+            adam.zero_grad()
+            torch.nn.functional.binary_cross_entropy_with_logits(model(x[rows]), y[rows]).backward()
+            adam.step()
+            decay.step()
+    network = network_of(model)
+    return Network(
+        (*network.weights[:-1], _GAIN * network.weights[-1]), (*network.biases[:-1], _GAIN * network.biases[-1])
+    )
+
+
+def _set_clocks(layer: torch.nn.Module, clock: int, horizon: int) -> None:
+    """Let the first units of a layer tell the last decisions apart, of which a fraction of the horizon says little."""
+    assert isinstance(layer, torch.nn.Linear)
+    with torch.no_grad():
+        for i, left in enumerate(_CLOCKS[: layer.out_features]):
+            width = 0.35 * left
+            layer.weight[i] = 0.0
+            layer.weight[i, clock] = -horizon / width
+            layer.bias[i] = left / width
+
+
+class Imitation:
+    """A run and its folder.
+
+    Args:
+        settings: of the run.
+        folder: of the run.
+        resume: whether to go on with the run in it.
+        command: that started it.
+
+    Raises:
+        ValueError: the folder holds a run already, or none to resume.
+    """
+
+    def __init__(self, settings: ImitationSettings, folder: Path, *, resume: bool, command: str) -> None:
+        self.settings, self.folder = settings, folder
+        if (folder / "run.json").exists() and not resume:
+            raise ValueError(f"{folder} holds a run already: add --resume to go on with it, or choose another --run")
+        torch.set_num_threads(1)
+        self.curve: list[dict[str, Any]] = []
+        if resume:
+            notes = folder / "curve.json"
+            self.curve = read_json(notes, _AGAIN, keys=["curve"])["curve"] if notes.exists() else []
+        else:
+            folder.mkdir(parents=True, exist_ok=True)
+            head = {"command": command, "revision": revision(), "versions": versions(), "settings": settings.to_dict()}
+            write_json(folder / "run.json", head)
+        probe = SatInertiaIDVectorEnv(1, settings.pool(), scenario=settings.scenario, include_covariance=True)
+        self._clock, self._horizon = probe.problem.layout["time_left"].start, probe.problem.scenario.decisions
+        probe.close()
+
+    def learn(self) -> None:
+        """Fly and fit, round by round, with a progress bar."""
+        s, pool = self.settings, self.settings.pool()
+        start = time.perf_counter() - (self.curve[-1]["seconds"] if self.curve else 0.0)
+        rounds = [self._load(i) for i in range(s.rounds) if self._file(i).exists()]
+        self.curve = [row for row in self.curve if row["round"] < len(rounds)]  # of a round that was not saved
+        network = self._fit(rounds, s.round_epochs) if rounds else None
+        with tqdm(total=s.rounds * len(pool), initial=len(rounds) * len(pool), unit=" flights") as bar:
+            for i in range(len(rounds), s.rounds):
+                rounds.append(self._fly(network, i, bar))
+                last = i == s.rounds - 1
+                network = self._fit(rounds, s.epochs if last else s.round_epochs)
+                policy = LearnedPolicy(s.name, network, "rate", s.margin, include_covariance=True)
+                self._note(policy, i, sum(len(x) for x, _ in rounds), time.perf_counter() - start, bar)
+                policy.save(self.folder / ("policy" if last else "last"))
+                self._save(i, *rounds[-1])
+        print(f"{self.curve[-1]['decisions']} decisions of the teacher in {self.curve[-1]['seconds']:.0f} s")
+        print(f"policy: {self.folder / 'policy'}.safetensors")
+
+    def _fly(self, network: Network | None, i: int, bar: tqdm) -> tuple[np.ndarray, np.ndarray]:
+        """One round's flights, satellites side by side; what was observed and what the teacher said."""
+        s, pool = self.settings, self.settings.pool()
+
+        def fly(place: int) -> tuple[np.ndarray, np.ndarray]:
+            said = teach(network, pool[place], s, ((s.seed * s.rounds + i) * len(pool) + place) * s.episodes)
+            bar.update()
+            return said
+
+        with ThreadPoolExecutor(os.cpu_count()) as executor:
+            flights = [executor.submit(fly, place) for place in range(len(pool))]
+            try:
+                said = [flight.result() for flight in flights]
+            except BaseException:
+                executor.shutdown(cancel_futures=True)  # who interrupts waits for the flights under way alone
+                raise
+        return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
+
+    def _fit(self, rounds: Sequence[tuple[np.ndarray, np.ndarray]], epochs: int) -> Network:
+        x, y = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
+        return fit(x, y, self._clock, self._horizon, self.settings, epochs)
+
+    def _note(self, policy: LearnedPolicy, i: int, decisions: int, seconds: float, bar: tqdm) -> None:
+        """Score the policy on validation seeds."""
+        s = self.settings
+        rows = validate(policy, s, s.evaluation_episodes)
+        at = {"round": i, "decisions": decisions, "seconds": round(seconds, 1)}
+        self.curve += [{**at, **{k: row[k] for k in CURVE_FIELDS if k in row}} for row in rows]
+        policy.details = {"trained": {"method": "imitation", "settings": s.to_dict(), **at}, "validation": rows}
+        shown = ("final_error", "mean_error", "outside_fraction")
+        text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
+        bar.write(f"{decisions / 1e3:6.0f} k  final, mean error and outside in %:  {text}")
+        table = io.StringIO()
+        writer = csv.DictWriter(table, CURVE_FIELDS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.curve)
+        write_text(self.folder / "curve.csv", table.getvalue())
+        write_json(self.folder / "curve.json", {"curve": self.curve})
+
+    def _file(self, i: int) -> Path:
+        return self.folder / f"round-{i:02d}.npz"
+
+    def _save(self, i: int, observations: np.ndarray, sides: np.ndarray) -> None:
+        buffer = io.BytesIO()
+        np.savez(buffer, observations=observations, sides=sides)
+        write_bytes(self._file(i), buffer.getvalue())
+
+    def _load(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        with np.load(self._file(i), allow_pickle=False) as said:
+            return said["observations"], said["sides"]
+
+
+_AGAIN = "start the run again, with another --run"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Where the run goes, and any of its settings by its name."""
+
+    run: Path | None = None
+    """Folder of the run; runs/NAME-SEED by default."""
+    resume: bool = False
+    """Go on with the run in that folder, by the settings it was started with."""
+    training: Annotated[ImitationSettings, tyro.conf.arg(name="")] = field(default_factory=ImitationSettings)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Command line."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    options = tyro.cli(Options, args=arguments, description=__doc__)
+    settings = options.training
+    folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
+    try:
+        if options.resume:
+            if [a for a in arguments if a != "--resume"] != ["--run", str(options.run)]:
+                raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
+            if not (folder / "run.json").exists():
+                raise ValueError(f"{folder} holds no run to resume")
+            settings = ImitationSettings.from_dict(
+                read_json(folder / "run.json", _AGAIN, keys=["settings"])["settings"]
+            )
+        command = shlex.join(["python", "-m", "agents.imitate", *arguments])
+        run = Imitation(settings, folder, resume=options.resume, command=command)
+    except OSError as error:
+        sys.exit(f"agents.imitate: {error.filename or folder}: {error.strerror or error}")
+    except ValueError as error:
+        sys.exit(f"agents.imitate: {error}")
+    again = shlex.join(["python", "-m", "agents.imitate", "--run", str(folder), "--resume"])
+    code = ended(run.learn, f"go on with: {again}")
+    if code:
+        sys.exit(code)
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

@@ -1,0 +1,159 @@
+"""Imitation: what the teacher said is what it would fly, a network learns it, and a stopped run ends the same."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import imitate
+from agents.learned import LearnedPolicy
+from agents.settings import ImitationSettings
+from baselines.mpc import MPCPolicy
+from satid_gym import SATELLITES
+from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.problem import problem
+
+SMALL = ImitationSettings(
+    satellite="cubesat",
+    wheel_scales=(1.0,),
+    rounds=3,
+    episodes=3,
+    edits=2,
+    evaluation_episodes=2,
+    hidden=(16,),
+    epochs=4,
+)
+LAYOUT = problem(include_covariance=True).layout
+SIZE = max(place.stop for place in LAYOUT.values())
+
+
+def run(folder: Path, *, resume: bool = False, settings: ImitationSettings = SMALL) -> None:
+    imitate.Imitation(settings, folder, resume=resume, command="test").learn()
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a run that went to its end."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    run(folder)
+    return folder
+
+
+@pytest.mark.parametrize("stopped", [0, 1, 2])
+def test_a_stopped_run_goes_on_with_the_same_result(finished, stopped, tmp_path):
+    folder = shutil.copytree(finished, tmp_path / "stopped")
+    for path in [*folder.glob("policy*"), *(folder / f"round-{i:02d}.npz" for i in range(stopped, 3))]:
+        path.unlink()
+    run(folder, resume=True)
+    for path in ("policy.safetensors", *(f"round-{i:02d}.npz" for i in range(3))):
+        assert (folder / path).read_bytes() == (finished / path).read_bytes(), path
+    rows = [json.loads((f / "curve.json").read_text())["curve"] for f in (finished, folder)]
+    without_seconds = [[{k: v for k, v in row.items() if k != "seconds"} for row in curve] for curve in rows]
+    assert without_seconds[0] == without_seconds[1]
+    assert [row["round"] for row in rows[1]] == [0, 1, 2]
+
+
+def test_the_run_folder_tells_how_it_came_about(finished):
+    head = json.loads((finished / "run.json").read_text())
+    assert ImitationSettings.from_dict(head["settings"]) == SMALL
+    assert "torch" in head["versions"]
+    policy = LearnedPolicy.load(finished / "policy")
+    assert policy.include_covariance
+    assert ImitationSettings.from_dict(policy.details["trained"]["settings"]) == SMALL
+    assert (finished / "curve.csv").read_text().splitlines()[0] == ",".join(imitate.CURVE_FIELDS)
+
+
+def test_folders_in_use_or_without_a_run_are_refused(finished, tmp_path, capsys):
+    with pytest.raises(ValueError, match="add --resume"):
+        run(finished)
+    for arguments, words in (
+        (["--run", str(tmp_path), "--resume"], "holds no run to resume"),
+        (["--run", str(finished), "--resume", "--rounds", "4"], "nothing else"),
+    ):
+        with pytest.raises(SystemExit) as end:
+            imitate.main(arguments)
+        assert words in str(end.value)
+
+
+def test_the_teacher_says_what_it_flies() -> None:
+    """Without a network the teacher's flight is that of the policy in the same episodes."""
+    settings = ImitationSettings(episodes=2, edits=3, inertia="step")
+    observations, sides = imitate.teach(None, SATELLITES["smallsat"], settings, 40)
+
+    class Listening(MPCPolicy):
+        include_covariance = True
+        heard: list[np.ndarray] = []
+
+        def plan(self, observation: np.ndarray) -> np.ndarray:
+            command = super().plan(observation)
+            self.heard.append(np.concatenate([observation, command], axis=1))
+            return command
+
+    policy = Listening(edits=3, margin=settings.margin)
+    fly(policy, satellite="smallsat", inertia="step", seeds=seeds("training", 2, 40))
+    heard = np.concatenate(policy.heard)
+    np.testing.assert_array_equal(observations, heard[:, :SIZE])
+    np.testing.assert_array_equal(sides, heard[:, SIZE:] > 0.0)
+
+
+def test_a_network_flies_what_the_teacher_does_not() -> None:
+    class Still:
+        def __call__(self, observation: np.ndarray) -> np.ndarray:
+            return np.zeros((len(observation), 3))
+
+    settings = ImitationSettings(episodes=8, edits=1, taught=0.4)
+    observations, sides = imitate.teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
+    rates = np.abs(observations.reshape(-1, 8, SIZE)[50:, :, LAYOUT["rate"]]).mean(axis=(0, 2))
+    assert sorted(set(np.where(rates < 0.2, "network", np.where(rates > 0.6, "teacher", "neither")))) == [
+        "network",
+        "teacher",
+    ]
+    assert sides.shape == (len(observations), 3)
+
+
+def test_a_network_learns_which_side_and_when_the_end_comes() -> None:
+    """The second output turns 8 decisions before the end, which a plain first layer would hardly see in 1/300ths."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((40_000, SIZE)).astype(np.float32)
+    clock = LAYOUT["time_left"].start
+    x[:, clock] = rng.integers(0, 300, len(x)) / 300.0
+    ending = x[:, clock] < 8.5 / 300.0
+    sides = np.stack([x[:, 0] + x[:, 3] > 0.0, ending, x[:, 5] - 2.0 * x[:, 9] > 0.5], axis=1)
+    settings = ImitationSettings(hidden=(32, 32))
+    network = imitate.fit(x, sides, clock, 300, settings, 12)
+    agree = (network(x) > 0.0) == sides
+    assert agree[:, 0].mean() > 0.98
+    assert agree[:, 2].mean() > 0.9
+    assert agree[ending, 1].mean() > 0.9
+    assert agree[~ending, 1].mean() > 0.99
+    decided = np.abs(network(x)[:, 0]) > 1.0
+    assert decided.mean() > 0.9  # commands go to the limit
+
+
+def test_what_was_learned_finds_the_inertia(tmp_path):
+    """A short run on one satellite is already near the closed-loop square wave."""
+    settings = ImitationSettings(
+        satellite="microsat", wheel_scales=(1.0,), rounds=5, episodes=20, edits=6, evaluation_episodes=8
+    )
+    run(tmp_path / "run", settings=settings)
+    policy = LearnedPolicy.load(tmp_path / "run" / "policy")
+    cell = {"satellite": "microsat", "inertia": "static", "seeds": seeds("validation", 16)}
+    scores = fly(policy, scenario=benchmark_scenario(), **cell).scores()
+    assert scores["final_error"].mean() < 0.002
+    assert scores["outside_fraction"].mean() < 0.01
+    teacher = fly(MPCPolicy(edits=6), scenario=benchmark_scenario(), **cell).scores()
+    assert scores["final_error"].mean() < 1.5 * teacher["final_error"].mean()
+
+
+def test_settings_are_checked() -> None:
+    for changes, words in (
+        ({"rounds": 0}, "rounds must be a whole number of at least 1, got 0"),
+        ({"taught": 1.5}, "taught must be finite and at least 0 and at most 1"),
+        ({"satellite": "cube"}, "unknown satellite 'cube'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            ImitationSettings(**changes)
