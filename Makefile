@@ -37,8 +37,9 @@ format: setup
 	$(RUN) -m ruff check --fix .
 	$(RUN) -m ruff format .
 
-train: setup  ## the shipped generalist, anew
-	$(RUN) -m agents.train --settings generalist
+train: setup  ## the shipped policies, anew (one seed of each)
+	$(RUN) -m agents.imitate
+	$(RUN) -m agents.train --settings ppo
 
 benchmark: setup
 	$(RUN) -m satid_gym.benchmark

@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from agents.learned import LearnedPolicy
 from agents.policies import PRETRAINED
-from agents.settings import TrainSettings
+from agents.settings import ImitationSettings, Task, TrainSettings
 from agents.train import merit, validate
 from baselines.ending import ended, refusal
 from baselines.provenance import command
@@ -55,14 +55,16 @@ class Options:
         return policies
 
 
-def _training(policy: LearnedPolicy) -> TrainSettings:
+def _training(policy: LearnedPolicy) -> Task:
     """The settings that a policy says it was trained with.
 
     Raises:
         ValueError: it says none, or what no training has.
     """
     try:
-        return TrainSettings.from_dict(policy.details["trained"]["settings"])
+        trained = policy.details["trained"]
+        kind = {"ppo": TrainSettings, "imitation": ImitationSettings}[trained["method"]]
+        return kind.from_dict(trained["settings"])
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
 

@@ -1,8 +1,9 @@
 """Export a policy's network to ONNX: `python -m agents.export POLICY OUTPUT.onnx`.
 
-The graph takes observations (N, size), float32, and gives commands (N, 3) in [-1, 1]: body rates as fractions
-of what the envelope allows where the policy's control is "rate" (the rate loop, baselines/rate_loop.py, turns
-them into torque), motor torque where it is "torque". It is checked against the same layers in torch before it is kept.
+The graph takes observations (N, size), float32, with the filter's whole covariance where the model's property
+include_covariance is True, and gives commands (N, 3) in [-1, 1]: body rates as fractions of what the envelope allows
+where the policy's control is "rate" (the rate loop, baselines/rate_loop.py, turns them into torque), motor torque
+where it is "torque". It is checked against the same layers in torch before it is kept.
 """
 
 from __future__ import annotations
@@ -54,7 +55,12 @@ def graph(policy: LearnedPolicy) -> onnx.ModelProto:
         opset_imports=[helper.make_opsetid("", _OPSET)],
         ir_version=8,
     )
-    helper.set_model_props(model, {"control": policy.control, "margin": str(policy.margin)})
+    props = {
+        "control": policy.control,
+        "margin": str(policy.margin),
+        "include_covariance": str(policy.include_covariance),
+    }
+    helper.set_model_props(model, props)
     onnx.checker.check_model(model)
     return model
 

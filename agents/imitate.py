@@ -246,10 +246,10 @@ class Options:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    options = tyro.cli(Options, args=arguments, description=__doc__)
-    settings = options.training
-    folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
     try:
+        options = tyro.cli(Options, args=arguments, description=__doc__)
+        settings = options.training
+        folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
         if options.resume:
             if [a for a in arguments if a != "--resume"] != ["--run", str(options.run)]:
                 raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")

@@ -1,6 +1,6 @@
 """Train an excitation policy with Stable-Baselines3's PPO.
 
-    python -m agents.train --settings generalist            the shipped policy, anew
+    python -m agents.train --settings ppo                   the shipped PPO policy, anew
     python -m agents.train --satellite microsat --steps 200000
     python -m agents.train --run runs/ppo-0 --resume        go on after a stop
 
@@ -203,7 +203,7 @@ class Run:
         text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
         self._bar.write(f"{at['steps'] / 1e6:6.2f} M  final, mean error and outside in %:  {text}")
         policy.details = {
-            "trained": {"settings": self.settings.to_dict(), "seed": self.settings.seed, **at},
+            "trained": {"method": "ppo", "settings": self.settings.to_dict(), "seed": self.settings.seed, **at},
             "validation": rows,
         }
         policy.save(self.folder / "last")

@@ -4,6 +4,7 @@ import json
 from itertools import pairwise
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
@@ -155,4 +156,5 @@ def test_the_exported_network_equals_torch(tmp_path):
     difference, seconds = export(policy, tmp_path / "x.onnx")
     assert difference <= TOLERANCE
     assert 0.0 < seconds < 0.1
-    assert (tmp_path / "x.onnx").stat().st_size > 1000
+    props = {p.key: p.value for p in onnx.load(tmp_path / "x.onnx").metadata_props}
+    assert props == {"control": "rate", "margin": "2.4", "include_covariance": "False"}

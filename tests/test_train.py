@@ -121,7 +121,7 @@ def test_settings_are_checked():
         TrainSettings.from_dict({"step": 1})
     with pytest.raises(ValueError, match="unknown training settings"):
         named("nothing")
-    assert named("generalist").wheel_scales == (1.0, 0.1)
+    assert named("ppo").wheel_scales == (1.0, 0.1)
 
 
 @pytest.mark.parametrize("arguments", [["--satellite", "moon"], ["--resume"], ["--settings", "none"]])
