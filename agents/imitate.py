@@ -138,7 +138,7 @@ class Imitation:
         command: that started it.
 
     Raises:
-        ValueError: the folder holds a run already, or none to resume.
+        ValueError: the folder holds a run already.
     """
 
     def __init__(self, settings: ImitationSettings, folder: Path, *, resume: bool, command: str) -> None:
