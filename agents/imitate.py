@@ -10,12 +10,14 @@ policy. A run that is stopped at any moment goes on from its last whole round wi
 
 from __future__ import annotations
 
-import csv
 import io
+import itertools
 import os
 import shlex
 import sys
 import time
+import zipfile
+import zlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -29,14 +31,15 @@ from tqdm import tqdm
 
 from agents.learned import LearnedPolicy, Network
 from agents.settings import ImitationSettings
-from agents.train import network_of, validate
+from agents.train import network_of, summary, validate, write_curve
 from baselines.ending import ended
 from baselines.mpc import MPCPolicy
-from baselines.provenance import read_json, revision, versions, write_bytes, write_json, write_text
+from baselines.provenance import read_json, revision, versions, write_bytes, write_json
 from baselines.rate_loop import RateLoop
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.policy import missions
+from satid_gym.problem import problem
 from satid_gym.satellite import Satellite
 
 CURVE_FIELDS = ("round", "decisions", "seconds", "satellite", "final_error", "mean_error", "outside_fraction", "nees")
@@ -53,7 +56,7 @@ def teach(
         network: flies all but the share that the teacher does; None lets the teacher fly all.
         satellite: to fly.
         settings: of the run.
-        flown: episodes of the run before these: their seeds are the next.
+        flown: how many of the training seeds to pass over, for others have had them.
 
     Returns:
         Observations (D, size), float32, and the sides (D, 3), bool, that the teacher would turn to.
@@ -138,7 +141,7 @@ class Imitation:
         command: that started it.
 
     Raises:
-        ValueError: the folder holds a run already.
+        ValueError: the folder holds a run already, or a file in it is damaged.
     """
 
     def __init__(self, settings: ImitationSettings, folder: Path, *, resume: bool, command: str) -> None:
@@ -149,21 +152,28 @@ class Imitation:
         self.curve: list[dict[str, Any]] = []
         if resume:
             notes = folder / "curve.json"
-            self.curve = read_json(notes, _AGAIN, keys=["curve"])["curve"] if notes.exists() else []
+            self.curve = (
+                read_json(notes, "start the run again, with another --run", keys=["curve"])["curve"]
+                if notes.exists()
+                else []
+            )
         else:
             folder.mkdir(parents=True, exist_ok=True)
             head = {"command": command, "revision": revision(), "versions": versions(), "settings": settings.to_dict()}
             write_json(folder / "run.json", head)
-        probe = SatInertiaIDVectorEnv(1, settings.pool(), scenario=settings.scenario, include_covariance=True)
-        self._clock, self._horizon = probe.problem.layout["time_left"].start, probe.problem.scenario.decisions
-        probe.close()
+        posed = problem(settings.pool(), scenario=settings.scenario, include_covariance=True)
+        self._clock, self._horizon = posed.layout["time_left"].start, posed.scenario.decisions
+        whole = itertools.takewhile(lambda i: self._file(i).exists(), range(settings.rounds))
+        self._rounds = [self._load(i) for i in whole]
+        self.curve = [row for row in self.curve if row["round"] < len(self._rounds)]  # of a round that was not saved
 
     def learn(self) -> None:
         """Fly and fit, round by round, with a progress bar."""
-        s, pool = self.settings, self.settings.pool()
+        s, pool, rounds = self.settings, self.settings.pool(), self._rounds
+        if len(rounds) == s.rounds:
+            print(f"{self.folder} has had its {s.rounds} rounds already")
+            return
         start = time.perf_counter() - (self.curve[-1]["seconds"] if self.curve else 0.0)
-        rounds = [self._load(i) for i in range(s.rounds) if self._file(i).exists()]
-        self.curve = [row for row in self.curve if row["round"] < len(rounds)]  # of a round that was not saved
         network = self._fit(rounds, s.round_epochs) if rounds else None
         with tqdm(total=s.rounds * len(pool), initial=len(rounds) * len(pool), unit=" flights") as bar:
             for i in range(len(rounds), s.rounds):
@@ -206,14 +216,8 @@ class Imitation:
         at = {"round": i, "decisions": decisions, "seconds": round(seconds, 1)}
         self.curve += [{**at, **{k: row[k] for k in CURVE_FIELDS if k in row}} for row in rows]
         policy.details = {"trained": {"method": "imitation", "settings": s.to_dict(), **at}, "validation": rows}
-        shown = ("final_error", "mean_error", "outside_fraction")
-        text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
-        bar.write(f"{decisions / 1e3:6.0f} k  final, mean error and outside in %:  {text}")
-        table = io.StringIO()
-        writer = csv.DictWriter(table, CURVE_FIELDS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.curve)
-        write_text(self.folder / "curve.csv", table.getvalue())
+        bar.write(f"{decisions / 1e3:6.0f} k  {summary(rows)}")
+        write_curve(self.folder, CURVE_FIELDS, self.curve)
         write_json(self.folder / "curve.json", {"curve": self.curve})
 
     def _file(self, i: int) -> Path:
@@ -225,11 +229,13 @@ class Imitation:
         write_bytes(self._file(i), buffer.getvalue())
 
     def _load(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        with np.load(self._file(i), allow_pickle=False) as said:
-            return said["observations"], said["sides"]
-
-
-_AGAIN = "start the run again, with another --run"
+        try:
+            with np.load(self._file(i), allow_pickle=False) as said:
+                return said["observations"], said["sides"]
+        except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            raise ValueError(
+                f"{self._file(i)} is damaged ({error}): remove it, and the run goes on from the round before"
+            ) from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,13 +257,9 @@ def main(arguments: list[str] | None = None) -> None:
         settings = options.training
         folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
         if options.resume:
-            if [a for a in arguments if a != "--resume"] != ["--run", str(options.run)]:
+            if options.run is None or settings != ImitationSettings():
                 raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
-            if not (folder / "run.json").exists():
-                raise ValueError(f"{folder} holds no run to resume")
-            settings = ImitationSettings.from_dict(
-                read_json(folder / "run.json", _AGAIN, keys=["settings"])["settings"]
-            )
+            settings = ImitationSettings.of_run(folder)
         command = shlex.join(["python", "-m", "agents.imitate", *arguments])
         run = Imitation(settings, folder, resume=options.resume, command=command)
     except OSError as error:

@@ -77,6 +77,21 @@ class Task:
         plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
         return cls(**plain)
 
+    @classmethod
+    def of_run(cls, folder: Path) -> Self:
+        """Those that the run in a folder was started with.
+
+        Raises:
+            ValueError: the folder holds no run, or its settings are damaged.
+        """
+        if not (folder / "run.json").exists():
+            raise ValueError(f"{folder} holds no run to resume")
+        head = read_json(folder / "run.json", "start the run again, with another --run", keys=["settings"])
+        try:
+            return cls.from_dict(head["settings"])
+        except (TypeError, AttributeError) as error:
+            raise ValueError(f"{folder / 'run.json'} holds no settings ({error}): start the run again") from error
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSettings(Task):

@@ -16,7 +16,7 @@ import io
 import shlex
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,7 +34,7 @@ from agents.learned import LearnedPolicy, Network
 from agents.rate_env import RateCommandVecEnv
 from agents.settings import Task, TrainSettings, named
 from baselines.ending import ended
-from baselines.provenance import PART, read_json, revision, versions, write_json, write_text
+from baselines.provenance import PART, revision, versions, write_json, write_text
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 
 CURVE_FIELDS = ("steps", "seconds", "satellite", "reward", "final_error", "mean_error", "outside_fraction", "nees")
@@ -90,6 +90,22 @@ def merit(rows: list[dict[str, Any]]) -> float:
     errors = [row[name] for row in rows for name in ("final_error", "mean_error")]
     outside = max(row["outside_fraction"] for row in rows)
     return float(np.exp(np.mean(np.log(errors)))) * max(1.0, outside / MOST_OUTSIDE)
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Validation scores in a line."""
+    shown = ("final_error", "mean_error", "outside_fraction")
+    text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
+    return f"final, mean error and outside in %:  {text}"
+
+
+def write_curve(folder: Path, fields: Sequence[str], curve: list[dict[str, Any]]) -> None:
+    """Write curve.csv."""
+    table = io.StringIO()
+    writer = csv.DictWriter(table, fields, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(curve)
+    write_text(folder / "curve.csv", table.getvalue())
 
 
 class Run:
@@ -199,9 +215,7 @@ class Run:
             for name in ("final_error", "mean_error", "outside_fraction", "reward"):
                 self.model.logger.record(f"validation_{row['satellite']}/{name}", row[name])
         score = merit(rows)
-        shown = ("final_error", "mean_error", "outside_fraction")
-        text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
-        self._bar.write(f"{at['steps'] / 1e6:6.2f} M  final, mean error and outside in %:  {text}")
+        self._bar.write(f"{at['steps'] / 1e6:6.2f} M  {summary(rows)}")
         policy.details = {
             "trained": {"method": "ppo", "settings": self.settings.to_dict(), "seed": self.settings.seed, **at},
             "validation": rows,
@@ -213,11 +227,7 @@ class Run:
 
     def _save(self) -> None:
         notes = {"curve": self.curve, "best": self.best, "seconds": self.seconds}
-        table = io.StringIO()
-        writer = csv.DictWriter(table, CURVE_FIELDS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.curve)
-        write_text(self.folder / "curve.csv", table.getvalue())
+        write_curve(self.folder, CURVE_FIELDS, self.curve)
         checkpoint.save(self.checkpoint, self.model, self.env, notes)
 
     def _report(self) -> None:
@@ -268,11 +278,7 @@ def _base(arguments: list[str]) -> TrainSettings:
         return named(known.settings) if known.settings else TrainSettings()
     if known.run is None or others or known.settings:
         raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
-    head = read_json(known.run / "run.json", "start the run again, with --run and its settings", keys=["settings"])
-    try:
-        return TrainSettings.from_dict(head["settings"])
-    except (TypeError, AttributeError) as error:
-        raise ValueError(f"{known.run / 'run.json'} holds no settings ({error}): start the run again") from error
+    return TrainSettings.of_run(known.run)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -17,6 +17,7 @@ import tyro
 
 from agents.policies import find
 from baselines.ending import ended, refusal
+from baselines.mpc import MPCPolicy
 from baselines.provenance import read_json
 from baselines.registry import build
 from baselines.tune import tune
@@ -163,7 +164,7 @@ def unseen_claims(policy: str, episodes: int) -> list[Claim]:
     ]
 
 
-TEACHER = "mpc"  # of the policies that agents.imitate makes
+TEACHER = MPCPolicy.name  # of the policies that agents.imitate makes
 _KEYS = ("records", "pairs", "efficiencies")
 REMEDY = "run python -m agents.compare (with --scenario tight for the second file)"
 

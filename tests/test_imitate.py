@@ -79,6 +79,29 @@ def test_folders_in_use_or_without_a_run_are_refused(finished, tmp_path, capsys)
         assert words in str(end.value)
 
 
+def test_a_finished_run_is_left_as_it_is(finished, tmp_path, capsys):
+    folder = shutil.copytree(finished, tmp_path / "copy")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    imitate.main(["--run", f"{folder}/", "--resume"])
+    assert "has had its 3 rounds already" in capsys.readouterr().out
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_damaged_round_is_refused_and_without_it_the_run_goes_on(finished, tmp_path):
+    folder = shutil.copytree(finished, tmp_path / "copy")
+    damaged = folder / "round-01.npz"
+    content = bytearray(damaged.read_bytes())
+    content[len(content) // 2] ^= 1
+    damaged.write_bytes(content)
+    with pytest.raises(SystemExit) as end:
+        imitate.main(["--run", str(folder), "--resume"])
+    assert "round-01.npz is damaged" in str(end.value)
+    damaged.unlink()  # the round after it is flown anew as well
+    imitate.main(["--run", str(folder), "--resume"])
+    for name in ("policy.safetensors", "round-01.npz", "round-02.npz"):
+        assert (folder / name).read_bytes() == (finished / name).read_bytes()
+
+
 def test_the_teacher_says_what_it_flies() -> None:
     """Without a network the teacher's flight is that of the policy in the same episodes."""
     settings = ImitationSettings(episodes=2, edits=3, inertia="step")
