@@ -66,7 +66,8 @@ def teach(
         len(chosen), satellite, settings.inertia, settings.scenario, num_threads=1, include_covariance=True
     )
     (mission,) = missions(env.problem)
-    loop, teacher = RateLoop([mission], settings.margin), MPCPolicy(edits=settings.edits, margin=settings.margin)
+    loop = RateLoop([mission], settings.margin)
+    teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin)
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)
     taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught

@@ -169,12 +169,14 @@ class ImitationSettings(Task):
     """Of the rate loop, in standard deviations of one decision's noise."""
     rounds: int = 6
     """Rounds of flights; the teacher flies the first, the network the others."""
-    episodes: int = 24
+    episodes: int = 36
     """Episodes a round on each satellite with each factor on its wheels."""
     taught: float = 0.15
     """Share of the later rounds' episodes that the teacher flies."""
-    edits: int = 48
+    edits: int = 24
     """Edits of the plan that the teacher tries in each decision."""
+    steps: int = 4
+    """Steps of the teacher's forecast in each decision."""
     epochs: int = 20
     """Passes over all decisions in the last fit."""
     round_epochs: int = 6
@@ -188,7 +190,7 @@ class ImitationSettings(Task):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("rounds", "episodes", "edits", "epochs", "round_epochs", "batch_size"):
+        for name in ("rounds", "episodes", "edits", "steps", "epochs", "round_epochs", "batch_size"):
             check_whole(name, getattr(self, name))
         check_number("taught", self.taught, high=1.0)
 

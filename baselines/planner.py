@@ -217,26 +217,29 @@ def _fly(trail, errors, omegas, work, cap, plan, first, ahead, build, step, step
     return gained
 
 
-_SOON = 6  # decisions ahead: what is to be flown next is edited more often
-
-
 @inline
 def _edit(plan, ahead, stream):
-    """Change one axis of a plan: all reversals sooner or later, or reverse it for a while or from some time on."""
+    """Change one axis of a plan: one reversal sooner or later, or all; or reverse it for a while, or from then on."""
     k = np.int64(3.0 * uniform(stream))
-    reach = min(ahead, _SOON) if uniform(stream) < 0.35 else ahead
-    start = np.int64(reach * uniform(stream))
-    span = 1 + np.int64(-(2.5 if uniform(stream) < 0.6 else 12.0) * np.log(uniform(stream)))
-    kind = uniform(stream)
-    if kind < 0.15:
+    kind, start = uniform(stream), np.int64(ahead * uniform(stream))
+    short = 0.2 <= kind < 0.6 or uniform(stream) < 0.6
+    span = 1 - np.int64((2.0 if short else 12.0) * np.log(uniform(stream)))
+    if kind < 0.1:
         for t in range(ahead):
             plan[t, k] = plan[min(t + span, ahead - 1), k]
-    elif kind < 0.3:
+    elif kind < 0.2:
         for t in range(ahead - 1, -1, -1):
             plan[t, k] = plan[max(t - span, 0), k]
     else:
-        end = ahead if kind < 0.55 else min(start + span, ahead)
-        for t in range(start, end):
+        if kind < 0.6:
+            for _ in range(ahead):  # on to a reversal, over the end
+                if start > 0 and plan[start, k] != plan[start - 1, k]:
+                    break
+                start = (start + 1) % ahead
+            if kind < 0.4:
+                start -= span
+        end = ahead if kind > 0.85 else min(start + span, ahead)
+        for t in range(max(start, 0), end):
             plan[t, k] = -plan[t, k]
 
 

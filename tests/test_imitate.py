@@ -116,7 +116,7 @@ def test_the_teacher_says_what_it_flies() -> None:
             self.heard.append(np.concatenate([observation, command], axis=1))
             return command
 
-    policy = Listening(edits=3, margin=settings.margin)
+    policy = Listening(steps=settings.steps, edits=3, margin=settings.margin)
     fly(policy, satellite="smallsat", inertia="step", seeds=seeds("training", 2, 40))
     heard = np.concatenate(policy.heard)
     np.testing.assert_array_equal(observations, heard[:, :SIZE])
