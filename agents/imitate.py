@@ -43,13 +43,12 @@ from satid_gym.problem import problem
 from satid_gym.satellite import Satellite
 
 CURVE_FIELDS = ("round", "decisions", "seconds", "satellite", "final_error", "mean_error", "outside_fraction", "nees")
+Answers = tuple[np.ndarray, np.ndarray]  # observations (D, size) and the sides (D, 3) that the teacher would turn to
 _CLOCKS = (3, 6, 10, 15, 22, 30)  # decisions before the end at which units of the first layer begin to switch
 _GAIN = 16.0  # from log odds to the command, which is cut to [-1, 1]: all but undecided ones go to the limit
 
 
-def teach(
-    network: Network | None, satellite: Satellite, settings: ImitationSettings, flown: int
-) -> tuple[np.ndarray, np.ndarray]:
+def teach(network: Network | None, satellite: Satellite, settings: ImitationSettings, flown: int) -> Answers:
     """Fly episodes and ask the teacher at every decision.
 
     Args:
@@ -84,32 +83,29 @@ def teach(
     return np.concatenate(observations), np.concatenate(sides)
 
 
-def fit(
-    observations: np.ndarray, sides: np.ndarray, clock: int, horizon: int, settings: ImitationSettings, epochs: int
-) -> Network:
+def fit(observations: np.ndarray, sides: np.ndarray, settings: ImitationSettings, epochs: int) -> Network:
     """A network whose commands have the teacher's signs, by logistic regression with Adam.
 
     Args:
         observations: (D, size).
         sides: (D, 3) what the teacher would do.
-        clock: place of `time_left` in the observation.
-        horizon: decisions in an episode.
         settings: of the run.
         epochs: passes over the decisions.
     """
+    posed = problem(settings.pool(), scenario=settings.scenario, include_covariance=True)
     torch.manual_seed(settings.seed)
     widths = [observations.shape[1], *settings.hidden]
     layers: list[torch.nn.Module] = []
     for width, following in zip(widths, [*widths[1:], 3], strict=True):
         layers += [torch.nn.Linear(width, following), torch.nn.Tanh()]
     model = torch.nn.Sequential(*layers[:-1])
-    _set_clocks(model[0], clock, horizon)
+    _set_clocks(model[0], posed.layout["time_left"].start, posed.scenario.decisions)
     x, y = torch.from_numpy(observations), torch.from_numpy(sides.astype(np.float32))
     adam = torch.optim.Adam(model.parameters(), settings.learning_rate)
     size = min(settings.batch_size, len(x))
     count = epochs * (len(x) // size)
     decay = torch.optim.lr_scheduler.LinearLR(adam, 1.0, 0.01, count)
-    for _ in range(epochs):
+    for _ in tqdm(range(epochs), desc="fit", unit=" epochs", leave=False, disable=None):
         for rows in torch.randperm(len(x))[: len(x) // size * size].split(size):
             adam.zero_grad()
             torch.nn.functional.binary_cross_entropy_with_logits(model(x[rows]), y[rows]).backward()
@@ -130,6 +126,36 @@ def _set_clocks(layer: torch.nn.Module, clock: int, horizon: int) -> None:
             layer.weight[i] = 0.0
             layer.weight[i, clock] = -horizon / width
             layer.bias[i] = left / width
+
+
+def answers(folder: Path, rounds: int) -> list[Answers]:
+    """What the teacher said in the whole rounds of a run, in the order they were flown.
+
+    Raises:
+        ValueError: a round's file is damaged.
+    """
+    files = (_round(folder, i) for i in range(rounds))
+    return [_load(file) for file in itertools.takewhile(Path.exists, files)]
+
+
+def _round(folder: Path, i: int) -> Path:
+    return folder / f"round-{i:02d}.npz"
+
+
+def _save(file: Path, observations: np.ndarray, sides: np.ndarray) -> None:
+    buffer = io.BytesIO()
+    np.savez(buffer, observations=observations, sides=sides)
+    write_bytes(file, buffer.getvalue())
+
+
+def _load(file: Path) -> Answers:
+    try:
+        with np.load(file, allow_pickle=False) as said:
+            return said["observations"], said["sides"]
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise ValueError(
+            f"{file} is damaged ({error}): remove it, and the run goes on from the round before"
+        ) from error
 
 
 class Imitation:
@@ -162,10 +188,7 @@ class Imitation:
             folder.mkdir(parents=True, exist_ok=True)
             head = {"command": command, "revision": revision(), "versions": versions(), "settings": settings.to_dict()}
             write_json(folder / "run.json", head)
-        posed = problem(settings.pool(), scenario=settings.scenario, include_covariance=True)
-        self._clock, self._horizon = posed.layout["time_left"].start, posed.scenario.decisions
-        whole = itertools.takewhile(lambda i: self._file(i).exists(), range(settings.rounds))
-        self._rounds = [self._load(i) for i in whole]
+        self._rounds = answers(folder, settings.rounds)
         self.curve = [row for row in self.curve if row["round"] < len(self._rounds)]  # of a round that was not saved
 
     def learn(self) -> None:
@@ -184,15 +207,15 @@ class Imitation:
                 policy = LearnedPolicy(s.name, network, "rate", s.margin, include_covariance=True)
                 self._note(policy, i, sum(len(x) for x, _ in rounds), time.perf_counter() - start, bar)
                 policy.save(self.folder / ("policy" if last else "last"))
-                self._save(i, *rounds[-1])
+                _save(_round(self.folder, i), *rounds[-1])
         print(f"{self.curve[-1]['decisions']} decisions of the teacher in {self.curve[-1]['seconds']:.0f} s")
         print(f"policy: {self.folder / 'policy'}.safetensors")
 
-    def _fly(self, network: Network | None, i: int, bar: tqdm) -> tuple[np.ndarray, np.ndarray]:
+    def _fly(self, network: Network | None, i: int, bar: tqdm) -> Answers:
         """One round's flights, satellites side by side; what was observed and what the teacher said."""
         s, pool = self.settings, self.settings.pool()
 
-        def fly(place: int) -> tuple[np.ndarray, np.ndarray]:
+        def fly(place: int) -> Answers:
             said = teach(network, pool[place], s, ((s.seed * s.rounds + i) * len(pool) + place) * s.episodes)
             bar.update()
             return said
@@ -206,9 +229,9 @@ class Imitation:
                 raise
         return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
 
-    def _fit(self, rounds: Sequence[tuple[np.ndarray, np.ndarray]], epochs: int) -> Network:
+    def _fit(self, rounds: Sequence[Answers], epochs: int) -> Network:
         x, y = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
-        return fit(x, y, self._clock, self._horizon, self.settings, epochs)
+        return fit(x, y, self.settings, epochs)
 
     def _note(self, policy: LearnedPolicy, i: int, decisions: int, seconds: float, bar: tqdm) -> None:
         """Score the policy on validation seeds."""
@@ -220,23 +243,6 @@ class Imitation:
         bar.write(f"{decisions / 1e3:6.0f} k  {summary(rows)}")
         write_curve(self.folder, CURVE_FIELDS, self.curve)
         write_json(self.folder / "curve.json", {"curve": self.curve})
-
-    def _file(self, i: int) -> Path:
-        return self.folder / f"round-{i:02d}.npz"
-
-    def _save(self, i: int, observations: np.ndarray, sides: np.ndarray) -> None:
-        buffer = io.BytesIO()
-        np.savez(buffer, observations=observations, sides=sides)
-        write_bytes(self._file(i), buffer.getvalue())
-
-    def _load(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        try:
-            with np.load(self._file(i), allow_pickle=False) as said:
-                return said["observations"], said["sides"]
-        except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise ValueError(
-                f"{self._file(i)} is damaged ({error}): remove it, and the run goes on from the round before"
-            ) from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,8 @@ MISSPELT = [
     ("agents.choose", "name at least one run"),
     ("agents.choose nowhere", "nowhere"),
     ("agents.choose nowhere --episodes 0", "episodes must be a whole number of at least 1, got 0"),
+    ("agents.combine", "name at least one run"),
+    ("agents.combine nowhere --epochs 0", "epochs must be a whole number of at least 1, got 0"),
     ("agents.compare --scenario tihgt", "unknown scenario 'tihgt'", "Did you mean 'tight'?"),
     ("agents.compare --satellites", "name at least one satellite"),
     ("agents.compare --policies rate_squares", "unknown policy 'rate_squares'", "Did you mean 'rate_square'?"),

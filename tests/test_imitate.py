@@ -147,7 +147,7 @@ def test_a_network_learns_which_side_and_when_the_end_comes() -> None:
     ending = x[:, clock] < 8.5 / 300.0
     sides = np.stack([x[:, 0] + x[:, 3] > 0.0, ending, x[:, 5] - 2.0 * x[:, 9] > 0.5], axis=1)
     settings = ImitationSettings(hidden=(32, 32))
-    network = imitate.fit(x, sides, clock, 300, settings, 12)
+    network = imitate.fit(x, sides, settings, 12)
     agree = (network(x) > 0.0) == sides
     assert agree[:, 0].mean() > 0.98
     assert agree[:, 2].mean() > 0.9

@@ -1,0 +1,90 @@
+"""Combined runs: one network learns what was said in all of them, and runs that do not belong together are refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import combine, imitate
+from agents.learned import LearnedPolicy
+from agents.settings import ImitationSettings
+from baselines.ending import RefusedError
+
+SMALL = ImitationSettings(
+    satellite="cubesat",
+    wheel_scales=(1.0,),
+    rounds=2,
+    episodes=4,
+    edits=2,
+    steps=1,
+    evaluation_episodes=2,
+    hidden=(16,),
+    epochs=8,
+)
+
+
+def imitated(folder: Path, **changes: object) -> Path:
+    settings = dataclasses.replace(SMALL, **changes)  # type: ignore[arg-type]
+    imitate.Imitation(settings, folder, resume=False, command="test").learn()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two finished runs with different seeds."""
+    folder = tmp_path_factory.mktemp("runs")
+    return [imitated(folder / f"seed-{seed}", seed=seed) for seed in (0, 1)]
+
+
+def agreement(network, run: Path) -> float:
+    """Share of a run's answers that the network gives."""
+    said = imitate.answers(run, SMALL.rounds)
+    return float(np.mean([np.mean((network(x) > 0.0) == y) for x, y in said]))
+
+
+def test_the_network_learns_from_every_run(runs, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "combined"
+    monkeypatch.setattr(sys, "argv", ["combine", *map(str, runs), "--run", str(folder), "--epochs", "8"])
+    combine.main()
+    assert "5 k decisions of the teacher fitted" in capsys.readouterr().out
+    policy = LearnedPolicy.load(folder / "policy")
+    trained = policy.details["trained"]
+    assert trained["combined_seeds"] == [0, 1]
+    assert trained["decisions"] == 2 * SMALL.rounds * SMALL.episodes * 300
+    assert ImitationSettings.from_dict(trained["settings"]) == SMALL
+    first, second = (LearnedPolicy.load(run / "policy") for run in runs)
+    assert agreement(policy.network, runs[1]) > agreement(first.network, runs[1]) + 0.02
+    assert agreement(policy.network, runs[0]) > agreement(second.network, runs[0]) + 0.02
+    said = list(itertools.chain.from_iterable(imitate.answers(run, SMALL.rounds) for run in runs))
+    x, y = (np.concatenate(parts) for parts in zip(*said, strict=True))
+    again = imitate.fit(x, y, SMALL, 8)
+    np.testing.assert_array_equal(policy.network(x), again(x))
+
+
+def test_runs_that_do_not_belong_together_are_refused(runs, tmp_path):
+    other = imitated(tmp_path / "other", seed=2, edits=1)
+    unfinished = shutil.copytree(runs[1], tmp_path / "unfinished")
+    (unfinished / "policy.json").unlink()
+    for folders, words in (
+        ([], "name at least one run"),
+        ([runs[0], tmp_path / "nowhere"], "holds no run"),
+        ([runs[0], other], "other has other settings than"),
+        ([runs[0], unfinished], "unfinished is not finished"),
+        ([runs[0], runs[0]], "same seed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            combine.common_settings(folders)
+
+
+def test_a_folder_in_use_is_left_as_it_is(runs, monkeypatch):
+    before = {path.name: path.read_bytes() for path in runs[1].iterdir()}
+    monkeypatch.setattr(sys, "argv", ["combine", *map(str, runs), "--run", str(runs[1])])
+    with pytest.raises(RefusedError, match="holds a run already"):
+        combine.main()
+    assert {path.name: path.read_bytes() for path in runs[1].iterdir()} == before
