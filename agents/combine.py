@@ -65,8 +65,8 @@ def combine(runs: Sequence[Path], settings: ImitationSettings) -> LearnedPolicy:
     torch.set_num_threads(1)
     start = time.perf_counter()
     rounds = list(itertools.chain.from_iterable(answers(run, settings.rounds) for run in runs))
-    observations, sides = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
-    network = fit(observations, sides, settings, settings.epochs)
+    observations, advantages = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
+    network = fit(observations, advantages, settings, settings.epochs)
     policy = LearnedPolicy(settings.name, network, "rate", settings.margin, include_covariance=True)
     policy.details = {
         "trained": {

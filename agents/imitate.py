@@ -1,8 +1,9 @@
 """Teach a network what model-predictive excitation would do: `python -m agents.imitate`, the shipped generalist anew.
 
 DAgger (Ross, Gordon and Bagnell, AISTATS 2011): the network flies, the planner says for every decision of those
-flights to which side it would turn each axis, and the network is fitted to all it has said so far. The planner
-takes a thousand times as long as the network, and on the way it may take longer than it could in flight.
+flights to which side it would turn each axis and what that is worth, and the network is fitted to all it has said so
+far, each decision with the weight of its worth: as AggreVaTe (Ross and Bagnell, 2014) it minimises what its choices
+cost, not their number that differ. The planner takes a thousand times as long as the network.
 
 A run's folder holds settings, versions, revision, the learning curve, what the teacher said in each round and the
 policy. A run that is stopped at any moment goes on from its last whole round with --resume, with the same result.
@@ -43,8 +44,9 @@ from satid_gym.problem import problem
 from satid_gym.satellite import Satellite
 
 CURVE_FIELDS = ("round", "decisions", "seconds", "satellite", "final_error", "mean_error", "outside_fraction", "nees")
-Answers = tuple[np.ndarray, np.ndarray]  # observations (D, size) and the sides (D, 3) that the teacher would turn to
+Answers = tuple[np.ndarray, np.ndarray]  # observations (D, size) and advantages of the plus side (D, 3)
 _CLOCKS = (3, 6, 10, 15, 22, 30)  # decisions before the end at which units of the first layer begin to switch
+_HEAVIEST = 10.0  # weight of a decision, over the mean
 _GAIN = 16.0  # from log odds to the command, which is cut to [-1, 1]: all but undecided ones go to the limit
 
 
@@ -58,7 +60,7 @@ def teach(network: Network | None, satellite: Satellite, settings: ImitationSett
         flown: how many of the training seeds to pass over, for others have had them.
 
     Returns:
-        Observations (D, size), float32, and the sides (D, 3), bool, that the teacher would turn to.
+        Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.advantage`; float32.
     """
     chosen = seeds("training", settings.episodes, flown)
     env = SatInertiaIDVectorEnv(
@@ -71,24 +73,24 @@ def teach(network: Network | None, satellite: Satellite, settings: ImitationSett
     observation, _ = env.reset(seed=chosen)
     taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught
     alive = np.ones(len(chosen), bool)
-    observations, sides = [], []
+    observations, advantages = [], []
     for _ in range(mission.scenario.decisions):
-        wanted = teacher.plan(observation)
+        wanted, advantage = teacher.weigh(observation)
         observations.append(observation[alive])
-        sides.append(wanted[alive] > 0.0)
+        advantages.append(advantage[alive].astype(np.float32))
         command = wanted if network is None else np.where(taught, wanted, network(observation))
         observation, _, terminated, *_ = env.step(loop(observation, command))
         alive &= ~terminated
     env.close()
-    return np.concatenate(observations), np.concatenate(sides)
+    return np.concatenate(observations), np.concatenate(advantages)
 
 
-def fit(observations: np.ndarray, sides: np.ndarray, settings: ImitationSettings, epochs: int) -> Network:
-    """A network whose commands have the teacher's signs, by logistic regression with Adam.
+def fit(observations: np.ndarray, advantages: np.ndarray, settings: ImitationSettings, epochs: int) -> Network:
+    """A network whose commands have the advantages' signs, by weighted logistic regression with Adam.
 
     Args:
         observations: (D, size).
-        sides: (D, 3) what the teacher would do.
+        advantages: (D, 3) of the plus side; their magnitudes are the weights.
         settings: of the run.
         epochs: passes over the decisions.
     """
@@ -100,7 +102,9 @@ def fit(observations: np.ndarray, sides: np.ndarray, settings: ImitationSettings
         layers += [torch.nn.Linear(width, following), torch.nn.Tanh()]
     model = torch.nn.Sequential(*layers[:-1])
     _set_clocks(model[0], posed.layout["time_left"].start, posed.scenario.decisions)
-    x, y = torch.from_numpy(observations), torch.from_numpy(sides.astype(np.float32))
+    x, y = torch.from_numpy(observations), torch.from_numpy((advantages > 0.0).astype(np.float32))
+    weight = np.abs(advantages)
+    weight = torch.from_numpy(np.minimum(weight / weight.mean(), _HEAVIEST))
     adam = torch.optim.Adam(model.parameters(), settings.learning_rate)
     size = min(settings.batch_size, len(x))
     count = epochs * (len(x) // size)
@@ -108,7 +112,7 @@ def fit(observations: np.ndarray, sides: np.ndarray, settings: ImitationSettings
     for _ in tqdm(range(epochs), desc="fit", unit=" epochs", leave=False, disable=None):
         for rows in torch.randperm(len(x))[: len(x) // size * size].split(size):
             adam.zero_grad()
-            torch.nn.functional.binary_cross_entropy_with_logits(model(x[rows]), y[rows]).backward()
+            torch.nn.functional.binary_cross_entropy_with_logits(model(x[rows]), y[rows], weight[rows]).backward()
             adam.step()
             decay.step()
     network = network_of(model)
@@ -142,16 +146,16 @@ def _round(folder: Path, i: int) -> Path:
     return folder / f"round-{i:02d}.npz"
 
 
-def _save(file: Path, observations: np.ndarray, sides: np.ndarray) -> None:
+def _save(file: Path, observations: np.ndarray, advantages: np.ndarray) -> None:
     buffer = io.BytesIO()
-    np.savez(buffer, observations=observations, sides=sides)
+    np.savez(buffer, observations=observations, advantages=advantages)
     write_bytes(file, buffer.getvalue())
 
 
 def _load(file: Path) -> Answers:
     try:
         with np.load(file, allow_pickle=False) as said:
-            return said["observations"], said["sides"]
+            return said["observations"], said["advantages"]
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(
             f"{file} is damaged ({error}): remove it, and the run goes on from the round before"

@@ -169,7 +169,7 @@ class ImitationSettings(Task):
     """Of the rate loop, in standard deviations of one decision's noise."""
     rounds: int = 6
     """Rounds of flights; the teacher flies the first, the network the others."""
-    episodes: int = 36
+    episodes: int = 24
     """Episodes a round on each satellite with each factor on its wheels."""
     taught: float = 0.15
     """Share of the later rounds' episodes that the teacher flies."""

@@ -62,9 +62,24 @@ class MPCPolicy:
 
     def plan(self, observation: np.ndarray) -> np.ndarray:
         """Rate command (N, 3), each -1 or 1, for the decision that the observation (N, size) begins."""
+        self._search(observation)
+        return self._advance()
+
+    def weigh(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The plan's command (N, 3), and what each of its sides is worth: see `Planner.advantage`."""
+        ahead = self._search(observation)
+        advantage = self._planner.advantage(self._plans, ahead)
+        return self._advance(), advantage
+
+    def _search(self, observation: np.ndarray) -> int:
+        """Improve the plans; the decisions that they look ahead, as far as the episode goes."""
         self._planner.observe(observation)
-        ahead = max(1, min(self.horizon, self._left))  # as far as the episode goes
+        ahead = max(1, min(self.horizon, self._left))
         self._planner.improve(self._plans, self._streams, self.edits, ahead)
+        return ahead
+
+    def _advance(self) -> np.ndarray:
+        """What the plans begin with; they move on by a decision."""
         command = self._plans[:, 0].copy()
         self._plans[:, :-1] = self._plans[:, 1:]
         self._left -= 1

@@ -116,6 +116,19 @@ class Planner:
         trails = (self._trail(ahead), self._trail(ahead))
         improve_many(self.beliefs, *trails, self._work, *self._start(), plans, streams, edits, ahead, *self._world())
 
+    def advantage(self, plans: np.ndarray, ahead: int) -> np.ndarray:
+        """What following plans (N, H, 3) is worth for each axis, against turning to the other side now.
+
+        The other side is flown for this decision alone or until the plan's next reversal, whichever costs less.
+
+        Returns:
+            (N, 3) error that the plan saves, in decisions of its mean error; positive where it turns to the plus
+            side and saves any, or would to the minus side and saves none.
+        """
+        out = np.empty((len(plans), 3))
+        weigh_many(self.beliefs, self._trail(ahead), self._work, *self._start(), plans, ahead, *self._world(), out)
+        return np.where(plans[:, 0] > 0.0, out, -out)
+
     def _trail(self, ahead: int) -> np.ndarray:
         """Room for the beliefs along a plan."""
         return np.empty(ahead + 1, self.beliefs.dtype)
@@ -320,6 +333,39 @@ def _build_improve_many(fingerprint):
     return improve_many
 
 
+def _build_weigh_many(fingerprint):
+    def weigh_many(beliefs, trail, work, start, caps, plans, ahead, build, step, steps, saved):
+        """See `Planner.advantage`; start and caps (N, 3), plans (N, H, 3), saved (N, 3)."""
+        fingerprint  # noqa: B018
+        wheel, rate, trial = np.empty(build[0].shape[0]), np.empty(3), np.empty(plans.shape[1:])
+        omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
+        for i in range(beliefs.shape[0]):
+            plan, cap = plans[i], caps[i]
+            trail[0], omegas[0] = beliefs[i], start[i]
+            _fly(
+                trail, errors, omegas, work[0], cap, plan, 0, ahead, build, step, steps, False, np.inf, wheel, rate
+            )  # fmt: skip
+            whole = errors[ahead]
+            for k in range(3):
+                least = np.inf
+                until = 1
+                while until < ahead and plan[until, k] == plan[0, k]:
+                    until += 1
+                for end in (1, until):
+                    trial[:] = plan
+                    for t in range(end):
+                        trial[t, k] = -plan[t, k]
+                    _fly(
+                        trail, errors, omegas, work[0], cap, trial, 0, ahead, build, step, steps, False, np.inf,
+                        wheel, rate,
+                    )  # fmt: skip
+                    least = min(least, errors[ahead])
+                saved[i, k] = (least - whole) / whole * ahead
+
+    return weigh_many
+
+
 follow = kernel(_build_follow)
 forecast_many = kernel(_build_forecast_many)
 improve_many = kernel(_build_improve_many)
+weigh_many = kernel(_build_weigh_many)
