@@ -45,7 +45,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def agreement(network, run: Path) -> float:
     """Share of a run's answers that the network gives."""
     said = imitate.answers(run, SMALL.rounds)
-    return float(np.mean([np.mean((network(x) > 0.0) == y) for x, y in said]))
+    return float(np.mean([np.mean((network(x) > 0.0) == (y > 0.0)) for x, y in said]))
 
 
 def test_the_network_learns_from_every_run(runs, tmp_path, monkeypatch, capsys):

@@ -116,6 +116,34 @@ def test_local_search_never_makes_a_plan_worse_and_soon_makes_it_better(ahead: i
         assert (np.diff(errors, axis=0) < 0.0).mean() > 0.3
 
 
+@pytest.mark.parametrize("ahead", [1, 12, 30])
+def test_an_advantage_is_what_the_other_side_would_cost(ahead: int) -> None:
+    """Against forecasts of the two plans that turn to the other side, one by one."""
+    env = SatInertiaIDVectorEnv(3, "cubesat", "static")
+    (mission,) = missions(env.problem)
+    planner, loop = Planner(mission, 3, 2, 2.5), RateLoop([mission], 2.5)
+    observation, _ = env.reset(seed=0)
+    for _ in range(20):
+        planner.observe(observation)
+        observation, *_ = env.step(loop(observation, np.ones((3, 3))))
+    planner.observe(observation)
+    rng = np.random.default_rng(1)
+    plans = np.where(rng.random((3, 30, 3)) < 0.2, 1.0, -1.0)
+    plans[0, :, 0] = 1.0  # no reversal at all
+    advantage = planner.advantage(plans, ahead)
+    for i in range(3):
+        for k in range(3):
+            now, held = plans[:, :ahead].copy(), plans[:, :ahead].copy()
+            now[i, 0, k] *= -1.0
+            axis = plans[i, :ahead, k]
+            until = next((t for t in range(ahead) if axis[t] != axis[0]), ahead)
+            held[i, :until, k] *= -1.0
+            own, *others = planner.forecast(np.stack([plans[:, :ahead], now, held], axis=1)).error[i]
+            worth = ahead * (min(others) / own - 1.0)
+            assert advantage[i, k] == pytest.approx(worth * plans[i, 0, k], rel=1e-9, abs=1e-12)
+    assert (advantage * plans[:, 0] < 0.0).any() or ahead == 1  # a plan at random leaves something to gain
+
+
 @pytest.mark.parametrize("policy", [GreedyPolicy("greedy", 1), GreedyPolicy("greedy_horizon", 4), MPCPolicy(edits=4)])
 def test_episodes_do_not_depend_on_their_neighbours(policy: GreedyPolicy | MPCPolicy) -> None:
     cell = {"satellite": "cubesat", "inertia": "random", "scenario": Scenario(horizon=25.0)}
