@@ -39,7 +39,7 @@ format: setup
 
 train: setup  ## the shipped policies, anew: the generalist's five runs and what combines them, and PPO
 	for seed in 0 1 2 3 4; do $(RUN) -m agents.imitate --seed $$seed || exit 1; done
-	$(RUN) -m agents.combine runs/generalist-0 runs/generalist-1 runs/generalist-2 runs/generalist-3 runs/generalist-4
+	$(RUN) -m agents.combine runs/generalist-0 runs/generalist-1 runs/generalist-2 runs/generalist-3 runs/generalist-4 --seed 4
 	$(RUN) -m agents.train --settings ppo
 
 benchmark: setup
