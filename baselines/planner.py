@@ -117,13 +117,13 @@ class Planner:
         improve_many(self.beliefs, *trails, self._work, *self._start(), plans, streams, edits, ahead, *self._world())
 
     def advantage(self, plans: np.ndarray, ahead: int) -> np.ndarray:
-        """What following plans (N, H, 3) is worth for each axis, against turning to the other side now.
+        """How much less error each axis promises by turning to the plus side now than by turning to the minus side.
 
-        The other side is flown for this decision alone or until the plan's next reversal, whichever costs less.
+        One of the two is what the plan (N, H, 3) does; the other is flown for this decision alone or until the
+        plan's next reversal, whichever promises less error.
 
         Returns:
-            (N, 3) error that the plan saves, in decisions of its mean error; positive where it turns to the plus
-            side and saves any, or would to the minus side and saves none.
+            (N, 3) sum of the difference over the next `ahead` decisions, over the plan's mean error.
         """
         out = np.empty((len(plans), 3))
         weigh_many(self.beliefs, self._trail(ahead), self._work, *self._start(), plans, ahead, *self._world(), out)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -76,16 +78,22 @@ def test_the_planners_covariance_follows_the_filters(steps: int) -> None:
     assert np.quantile(spread, 0.95) < (0.1 if steps == 10 else 0.4)
 
 
+def in_flight(satellite: str, inertia: str, side: Callable[[int], np.ndarray], seed: int) -> Planner:
+    """A planner after 20 decisions of three episodes, in which the rates were those of `side` (3,)."""
+    env = SatInertiaIDVectorEnv(3, satellite, inertia)
+    (mission,) = missions(env.problem)
+    planner, loop = Planner(mission, 3, 2, 2.5), RateLoop([mission], 2.5)
+    observation, _ = env.reset(seed=seed)
+    for t in range(20):
+        planner.observe(observation)
+        observation, *_ = env.step(loop(observation, np.tile(side(t), (3, 1))))
+    planner.observe(observation)
+    return planner
+
+
 def test_a_reversal_pays_after_a_long_hold_if_one_looks_far_enough() -> None:
     """Why the one-step greedy policy needs a longer horizon: it sees what a reversal costs, not what it brings."""
-    env = SatInertiaIDVectorEnv(4, "smallsat", "static")
-    (mission,) = missions(env.problem)
-    planner, loop = Planner(mission, 4, 2, 2.5), RateLoop([mission], 2.5)
-    observation, _ = env.reset(seed=1)
-    for _ in range(20):
-        planner.observe(observation)
-        observation, *_ = env.step(loop(observation, np.ones((4, 3))))
-    planner.observe(observation)
+    planner = in_flight("smallsat", "static", lambda t: np.ones(3), seed=1)
     hold, back = (side * np.ones((1, 1, 12, 3)) for side in (1.0, -1.0))
     assert (planner.forecast(back).gained > planner.forecast(hold).gained).all()
     assert (planner.forecast(back).error < planner.forecast(hold).error).all()
@@ -94,14 +102,7 @@ def test_a_reversal_pays_after_a_long_hold_if_one_looks_far_enough() -> None:
 @pytest.mark.parametrize("ahead", [1, 7, 30])
 def test_local_search_never_makes_a_plan_worse_and_soon_makes_it_better(ahead: int) -> None:
     """Judged by forecasts from the start, of which the search flies only what an edit changed."""
-    env = SatInertiaIDVectorEnv(3, "cubesat", "drift")
-    (mission,) = missions(env.problem)
-    planner, loop = Planner(mission, 3, 2, 2.5), RateLoop([mission], 2.5)
-    observation, _ = env.reset(seed=3)
-    for t in range(20):
-        planner.observe(observation)
-        observation, *_ = env.step(loop(observation, np.where((t // 6 + np.arange(3)) % 2 == 0, 1.0, -1.0)[None]))
-    planner.observe(observation)
+    planner = in_flight("cubesat", "drift", lambda t: np.where((t // 6 + np.arange(3)) % 2 == 0, 1.0, -1.0), seed=3)
     plans = np.ones((3, 30, 3))
     streams = np.random.default_rng(0).integers(1, 2**63, (3, 4), dtype=np.uint64)
     errors = []
@@ -119,14 +120,7 @@ def test_local_search_never_makes_a_plan_worse_and_soon_makes_it_better(ahead: i
 @pytest.mark.parametrize("ahead", [1, 12, 30])
 def test_an_advantage_is_what_the_other_side_would_cost(ahead: int) -> None:
     """Against forecasts of the two plans that turn to the other side, one by one."""
-    env = SatInertiaIDVectorEnv(3, "cubesat", "static")
-    (mission,) = missions(env.problem)
-    planner, loop = Planner(mission, 3, 2, 2.5), RateLoop([mission], 2.5)
-    observation, _ = env.reset(seed=0)
-    for _ in range(20):
-        planner.observe(observation)
-        observation, *_ = env.step(loop(observation, np.ones((3, 3))))
-    planner.observe(observation)
+    planner = in_flight("cubesat", "static", lambda t: np.ones(3), seed=0)
     rng = np.random.default_rng(1)
     plans = np.where(rng.random((3, 30, 3)) < 0.2, 1.0, -1.0)
     plans[0, :, 0] = 1.0  # no reversal at all
