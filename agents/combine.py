@@ -45,7 +45,7 @@ def common_settings(runs: Sequence[Path]) -> ImitationSettings:
     """The settings that runs share, which may differ in their seed.
 
     Raises:
-        ValueError: there is no run, one is not finished, or two differ in more than their seed.
+        ValueError: there is no run, or two differ in more than their seed, or do not differ.
     """
     if not runs:
         raise ValueError("name at least one run of agents.imitate")
@@ -53,19 +53,27 @@ def common_settings(runs: Sequence[Path]) -> ImitationSettings:
     for run, own in zip(runs, settings, strict=True):
         if dataclasses.replace(own, seed=settings[0].seed) != settings[0]:
             raise ValueError(f"{run} has other settings than {runs[0]}: combine runs that differ in their seed alone")
-        if not (run / "policy.json").exists():
-            raise ValueError(f"{run} is not finished: go on with it by agents.imitate --run {run} --resume")
     if len({own.seed for own in settings}) < len(runs):
         raise ValueError("two of the runs have the same seed and with it the same answers: name each once")
     return settings[0]
 
 
 def combine(runs: Sequence[Path], settings: ImitationSettings) -> LearnedPolicy:
-    """The policy of a network that is fitted to the answers of all runs, with its scores on validation seeds."""
+    """The policy of a network that is fitted to the answers of all runs, with its scores on validation seeds.
+
+    Raises:
+        ValueError: a run is not finished, or a file of it is damaged.
+    """
     torch.set_num_threads(1)
     start = time.perf_counter()
-    rounds = list(itertools.chain.from_iterable(answers(run, settings.rounds) for run in runs))
-    observations, advantages = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
+    said = [answers(run, settings.rounds) for run in runs]
+    for run, rounds in zip(runs, said, strict=True):
+        if len(rounds) < settings.rounds:
+            raise ValueError(
+                f"{run} has {len(rounds)} of its {settings.rounds} rounds: "
+                f"go on with it by python -m agents.imitate --run {run} --resume"
+            )
+    observations, advantages = (np.concatenate(parts) for parts in zip(*itertools.chain(*said), strict=True))
     network = fit(observations, advantages, settings, settings.epochs)
     policy = LearnedPolicy(settings.name, network, "rate", settings.margin, include_covariance=True)
     policy.details = {

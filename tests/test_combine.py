@@ -69,17 +69,21 @@ def test_the_network_learns_from_every_run(runs, tmp_path, monkeypatch, capsys):
 
 def test_runs_that_do_not_belong_together_are_refused(runs, tmp_path):
     other = imitated(tmp_path / "other", seed=2, edits=1)
-    unfinished = shutil.copytree(runs[1], tmp_path / "unfinished")
-    (unfinished / "policy.json").unlink()
     for folders, words in (
         ([], "name at least one run"),
         ([runs[0], tmp_path / "nowhere"], "holds no run"),
         ([runs[0], other], "other has other settings than"),
-        ([runs[0], unfinished], "unfinished is not finished"),
         ([runs[0], runs[0]], "same seed"),
     ):
         with pytest.raises(ValueError, match=words):
             combine.common_settings(folders)
+
+
+def test_a_run_that_is_not_finished_is_refused(runs, tmp_path):
+    unfinished = shutil.copytree(runs[1], tmp_path / "unfinished")
+    (unfinished / "round-01.npz").unlink()
+    with pytest.raises(ValueError, match="unfinished has 1 of its 2 rounds: go on with it by"):
+        combine.combine([runs[0], unfinished], SMALL)
 
 
 def test_a_folder_in_use_is_left_as_it_is(runs, monkeypatch):
