@@ -7,23 +7,20 @@ fitted to all of their answers has seen more than one run has time for.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
 import tyro
 
-from agents.imitate import answers, fit
-from agents.learned import LearnedPolicy
+from agents.imitate import Answers, answers, fit, policy_of
 from agents.settings import ImitationSettings
 from agents.train import summary, validate
 from baselines.ending import ended, refusal
-from baselines.provenance import command, revision, versions, write_json
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_whole
 
 
@@ -41,8 +38,8 @@ class Options:
     """Passes over all answers."""
 
 
-def common_settings(runs: Sequence[Path]) -> ImitationSettings:
-    """The settings that runs share, which may differ in their seed.
+def settings_of(runs: Sequence[Path]) -> list[ImitationSettings]:
+    """The settings of runs that differ in their seed alone.
 
     Raises:
         ValueError: there is no run, or two differ in more than their seed, or do not differ.
@@ -55,38 +52,25 @@ def common_settings(runs: Sequence[Path]) -> ImitationSettings:
             raise ValueError(f"{run} has other settings than {runs[0]}: combine runs that differ in their seed alone")
     if len({own.seed for own in settings}) < len(runs):
         raise ValueError("two of the runs have the same seed and with it the same answers: name each once")
-    return settings[0]
+    return settings
 
 
-def combine(runs: Sequence[Path], settings: ImitationSettings) -> LearnedPolicy:
-    """The policy of a network that is fitted to the answers of all runs, with its scores on validation seeds.
+def answers_of(runs: Sequence[Path], rounds: int) -> list[Answers]:
+    """What the teacher said in all rounds of all runs.
 
     Raises:
         ValueError: a run is not finished, or a file of it is damaged.
     """
-    torch.set_num_threads(1)
-    start = time.perf_counter()
-    said = [answers(run, settings.rounds) for run in runs]
-    for run, rounds in zip(runs, said, strict=True):
-        if len(rounds) < settings.rounds:
+    said: list[Answers] = []
+    for run in runs:
+        own = answers(run, rounds)
+        if len(own) < rounds:
             raise ValueError(
-                f"{run} has {len(rounds)} of its {settings.rounds} rounds: "
+                f"{run} has {len(own)} of its {rounds} rounds: "
                 f"go on with it by python -m agents.imitate --run {run} --resume"
             )
-    observations, advantages = (np.concatenate(parts) for parts in zip(*itertools.chain(*said), strict=True))
-    network = fit(observations, advantages, settings, settings.epochs)
-    policy = LearnedPolicy(settings.name, network, "rate", settings.margin, include_covariance=True)
-    policy.details = {
-        "trained": {
-            "method": "imitation",
-            "settings": settings.to_dict(),
-            "combined_seeds": [ImitationSettings.of_run(run).seed for run in runs],
-            "decisions": len(observations),
-            "seconds": round(time.perf_counter() - start, 1),
-        },
-        "validation": validate(policy, settings, settings.evaluation_episodes),
-    }
-    return policy
+        said += own
+    return said
 
 
 def main() -> None:
@@ -94,17 +78,33 @@ def main() -> None:
     options = tyro.cli(Options, description=__doc__)
     with refusal():
         check_whole("epochs", options.epochs)
-        settings = dataclasses.replace(common_settings(options.runs), seed=options.seed, epochs=options.epochs)
+        own = settings_of(options.runs)
+        settings = dataclasses.replace(own[0], seed=options.seed, epochs=options.epochs)
         folder = options.run or Path("runs") / f"{settings.name}-combined-{settings.seed}"
         if any((folder / name).exists() for name in ("run.json", "policy.json")):
             raise ValueError(f"{folder} holds a run already: choose another --run")
-        policy = combine(options.runs, settings)
-    trained = policy.details["trained"]
-    print(f"{trained['decisions'] / 1e3:.0f} k decisions of the teacher fitted in {trained['seconds']:.0f} s")
-    print(summary(policy.details["validation"]))
-    head = {"command": command("agents.combine"), "revision": revision(), "versions": versions()}
-    write_json(folder / "combined.json", {**head, "settings": settings.to_dict()})
+        said = answers_of(options.runs, settings.rounds)
+    torch.set_num_threads(1)
+    start = time.perf_counter()
+    policy = policy_of(fit(said, settings, settings.epochs), settings)
+    seconds, decisions = time.perf_counter() - start, sum(len(x) for x, _ in said)
+    rows = validate(policy, settings, settings.evaluation_episodes)
+    policy.details = {
+        "trained": {
+            "method": "imitation",
+            "command": command("agents.combine"),
+            "revision": revision(),
+            "versions": versions(),
+            "settings": settings.to_dict(),
+            "combined_seeds": [each.seed for each in own],
+            "decisions": decisions,
+            "seconds": round(seconds, 1),
+        },
+        "validation": rows,
+    }
     policy.save(folder / "policy")
+    print(f"{decisions / 1e3:.0f} k decisions of the teacher fitted in {seconds:.0f} s")
+    print(summary(rows))
     print(f"policy: {folder / 'policy'}.safetensors")
 
 

@@ -1,4 +1,4 @@
-"""Teach a network what model-predictive excitation would do: `python -m agents.imitate`, the shipped generalist anew.
+"""Teach a network what model-predictive excitation would do: `python -m agents.imitate`.
 
 DAgger (Ross, Gordon and Bagnell, AISTATS 2011): the network flies, the planner says for every decision of those
 flights to which side it would turn each axis and what that is worth, and the network is fitted to all it has said so
@@ -31,7 +31,7 @@ import tyro
 from tqdm import tqdm
 
 from agents.learned import LearnedPolicy, Network
-from agents.settings import ImitationSettings
+from agents.settings import ANEW, ImitationSettings
 from agents.train import network_of, summary, validate, write_curve
 from baselines.ending import ended
 from baselines.mpc import MPCPolicy
@@ -85,15 +85,15 @@ def teach(network: Network | None, satellite: Satellite, settings: ImitationSett
     return np.concatenate(observations), np.concatenate(advantages)
 
 
-def fit(observations: np.ndarray, advantages: np.ndarray, settings: ImitationSettings, epochs: int) -> Network:
-    """A network whose commands have the advantages' signs, by weighted logistic regression with Adam.
+def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Network:
+    """A network whose commands have the advantages' signs, by logistic regression with Adam; magnitudes are weights.
 
     Args:
-        observations: (D, size).
-        advantages: (D, 3) of the plus side; their magnitudes are the weights.
+        said: what the teacher said, in as many pieces as there are.
         settings: of the run.
         epochs: passes over the decisions.
     """
+    observations, advantages = (np.concatenate(parts) for parts in zip(*said, strict=True))
     posed = problem(settings.pool(), scenario=settings.scenario, include_covariance=True)
     torch.manual_seed(settings.seed)
     widths = [observations.shape[1], *settings.hidden]
@@ -130,6 +130,11 @@ def _set_clocks(layer: torch.nn.Module, clock: int, horizon: int) -> None:
             layer.weight[i] = 0.0
             layer.weight[i, clock] = -horizon / width
             layer.bias[i] = left / width
+
+
+def policy_of(network: Network, settings: ImitationSettings) -> LearnedPolicy:
+    """The network as a policy: it commands rates and sees what the teacher was told of."""
+    return LearnedPolicy(settings.name, network, "rate", settings.margin, include_covariance=True)
 
 
 def answers(folder: Path, rounds: int) -> list[Answers]:
@@ -183,11 +188,7 @@ class Imitation:
         self.curve: list[dict[str, Any]] = []
         if resume:
             notes = folder / "curve.json"
-            self.curve = (
-                read_json(notes, "start the run again, with another --run", keys=["curve"])["curve"]
-                if notes.exists()
-                else []
-            )
+            self.curve = read_json(notes, ANEW, keys=["curve"])["curve"] if notes.exists() else []
         else:
             folder.mkdir(parents=True, exist_ok=True)
             head = {"command": command, "revision": revision(), "versions": versions(), "settings": settings.to_dict()}
@@ -202,13 +203,13 @@ class Imitation:
             print(f"{self.folder} has had its {s.rounds} rounds already")
             return
         start = time.perf_counter() - (self.curve[-1]["seconds"] if self.curve else 0.0)
-        network = self._fit(rounds, s.round_epochs) if rounds else None
+        network = fit(rounds, s, s.round_epochs) if rounds else None
         with tqdm(total=s.rounds * len(pool), initial=len(rounds) * len(pool), unit=" flights") as bar:
             for i in range(len(rounds), s.rounds):
                 rounds.append(self._fly(network, i, bar))
                 last = i == s.rounds - 1
-                network = self._fit(rounds, s.epochs if last else s.round_epochs)
-                policy = LearnedPolicy(s.name, network, "rate", s.margin, include_covariance=True)
+                network = fit(rounds, s, s.epochs if last else s.round_epochs)
+                policy = policy_of(network, s)
                 self._note(policy, i, sum(len(x) for x, _ in rounds), time.perf_counter() - start, bar)
                 policy.save(self.folder / ("policy" if last else "last"))
                 _save(_round(self.folder, i), *rounds[-1])
@@ -232,10 +233,6 @@ class Imitation:
                 executor.shutdown(cancel_futures=True)  # who interrupts waits for the flights under way alone
                 raise
         return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
-
-    def _fit(self, rounds: Sequence[Answers], epochs: int) -> Network:
-        x, y = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
-        return fit(x, y, self.settings, epochs)
 
     def _note(self, policy: LearnedPolicy, i: int, decisions: int, seconds: float, bar: tqdm) -> None:
         """Score the policy on validation seeds."""

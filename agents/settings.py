@@ -15,6 +15,7 @@ from satid_gym.config import check_number, check_whole, unknown_name
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite
 
+ANEW = "start the run again, with another --run"  # what to do about a damaged one
 NAMED = Path(__file__).parent / "settings"
 
 
@@ -86,11 +87,11 @@ class Task:
         """
         if not (folder / "run.json").exists():
             raise ValueError(f"{folder} holds no run to resume")
-        head = read_json(folder / "run.json", "start the run again, with another --run", keys=["settings"])
+        head = read_json(folder / "run.json", ANEW, keys=["settings"])
         try:
             return cls.from_dict(head["settings"])
         except (TypeError, AttributeError) as error:
-            raise ValueError(f"{folder / 'run.json'} holds no settings ({error}): start the run again") from error
+            raise ValueError(f"{folder / 'run.json'} holds no settings ({error}): {ANEW}") from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -202,7 +202,7 @@ def main() -> int:
         for asked, found, holds in claims:
             print(f"{'holds' if holds else 'SHORT':5s}  {policy}: {asked}: {found}")
             held = held and holds
-        if find(policy).details["trained"]["method"] == "imitation":
+        if find(policy).details.get("trained", {}).get("method") == "imitation":
             others = [r for r in records if r["policy"] != TEACHER]
             for asked, found, _ in closed_loop_claims({**results, "records": others}, policy):
                 print(f"note   without its teacher {TEACHER}: {asked}: {found}")

@@ -52,6 +52,6 @@ class GreedyPolicy:
         """Action (N, n)."""
         self._planner.observe(observation)
         ahead = max(1, min(self.horizon, self._left))  # as far as the episode goes
-        gained = self._planner.forecast(np.ascontiguousarray(self._commands[:, :, :ahead])).gained
+        gained = self._planner.forecast(self._commands[:, :, :ahead]).gained
         self._left -= 1
         return self._loop(observation, _CANDIDATES[gained.argmax(axis=1)])

@@ -104,7 +104,7 @@ class Planner:
         """Fly candidates (N or 1, C, H, 3): H decisions of rate commands in [-1, 1]."""
         shape = (len(self.beliefs), commands.shape[1])
         out = Forecast(gained=np.empty(shape), error=np.empty(shape))
-        trail = self._trail(commands.shape[2])
+        trail, commands = self._trail(commands.shape[2]), np.ascontiguousarray(commands)  # what numba has compiled
         forecast_many(self.beliefs, trail, self._work, *self._start(), commands, *self._world(), out.gained, out.error)
         return out
 
@@ -125,9 +125,17 @@ class Planner:
         Returns:
             (N, 3) sum of the difference over the next `ahead` decisions, over the plan's mean error.
         """
-        out = np.empty((len(plans), 3))
-        weigh_many(self.beliefs, self._trail(ahead), self._work, *self._start(), plans, ahead, *self._world(), out)
-        return np.where(plans[:, 0] > 0.0, out, -out)
+        plans = plans[:, :ahead]
+        trials = np.repeat(
+            plans[:, None], 7, axis=1
+        )  # the plan, then each axis the other way: now, and until it reverses
+        held = np.logical_and.accumulate(plans == plans[:, :1], axis=1)
+        for k in range(3):
+            trials[:, 1 + k, 0, k] *= -1.0
+            trials[:, 4 + k, :, k] *= np.where(held[:, :, k], -1.0, 1.0)
+        error = self.forecast(trials).error
+        other = np.minimum(error[:, 1:4], error[:, 4:])
+        return plans[:, 0] * ahead * (other / error[:, :1] - 1.0)
 
     def _trail(self, ahead: int) -> np.ndarray:
         """Room for the beliefs along a plan."""
@@ -232,28 +240,30 @@ def _fly(trail, errors, omegas, work, cap, plan, first, ahead, build, step, step
 
 @inline
 def _edit(plan, ahead, stream):
-    """Change one axis of a plan: one reversal sooner or later, or all; or reverse it for a while, or from then on."""
+    """Change one axis of a plan: all reversals or one, sooner or later; or reverse it for a while or from then on."""
     k = np.int64(3.0 * uniform(stream))
     kind, start = uniform(stream), np.int64(ahead * uniform(stream))
-    short = 0.2 <= kind < 0.6 or uniform(stream) < 0.6
+    all_sooner, all_later, one_sooner, one_later = kind < 0.1, kind < 0.2, 0.2 <= kind < 0.4, 0.4 <= kind < 0.6
+    short = one_sooner or one_later or uniform(stream) < 0.6
     span = 1 - np.int64((2.0 if short else 12.0) * np.log(uniform(stream)))
-    if kind < 0.1:
+    if all_sooner:
         for t in range(ahead):
             plan[t, k] = plan[min(t + span, ahead - 1), k]
-    elif kind < 0.2:
+        return
+    if all_later:
         for t in range(ahead - 1, -1, -1):
             plan[t, k] = plan[max(t - span, 0), k]
-    else:
-        if kind < 0.6:
-            for _ in range(ahead):  # on to a reversal, over the end
-                if start > 0 and plan[start, k] != plan[start - 1, k]:
-                    break
-                start = (start + 1) % ahead
-            if kind < 0.4:
-                start -= span
-        end = ahead if kind > 0.85 else min(start + span, ahead)
-        for t in range(max(start, 0), end):
-            plan[t, k] = -plan[t, k]
+        return
+    if one_sooner or one_later:
+        for _ in range(ahead):  # on to a reversal, over the end
+            if start > 0 and plan[start, k] != plan[start - 1, k]:
+                break
+            start = (start + 1) % ahead
+    if one_sooner:
+        start -= span
+    end = ahead if kind > 0.85 else min(start + span, ahead)
+    for t in range(max(start, 0), end):
+        plan[t, k] = -plan[t, k]
 
 
 def _build_follow(fingerprint):
@@ -333,39 +343,6 @@ def _build_improve_many(fingerprint):
     return improve_many
 
 
-def _build_weigh_many(fingerprint):
-    def weigh_many(beliefs, trail, work, start, caps, plans, ahead, build, step, steps, saved):
-        """See `Planner.advantage`; start and caps (N, 3), plans (N, H, 3), saved (N, 3)."""
-        fingerprint  # noqa: B018
-        wheel, rate, trial = np.empty(build[0].shape[0]), np.empty(3), np.empty(plans.shape[1:])
-        omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
-        for i in range(beliefs.shape[0]):
-            plan, cap = plans[i], caps[i]
-            trail[0], omegas[0] = beliefs[i], start[i]
-            _fly(
-                trail, errors, omegas, work[0], cap, plan, 0, ahead, build, step, steps, False, np.inf, wheel, rate
-            )  # fmt: skip
-            whole = errors[ahead]
-            for k in range(3):
-                least = np.inf
-                until = 1
-                while until < ahead and plan[until, k] == plan[0, k]:
-                    until += 1
-                for end in (1, until):
-                    trial[:] = plan
-                    for t in range(end):
-                        trial[t, k] = -plan[t, k]
-                    _fly(
-                        trail, errors, omegas, work[0], cap, trial, 0, ahead, build, step, steps, False, np.inf,
-                        wheel, rate,
-                    )  # fmt: skip
-                    least = min(least, errors[ahead])
-                saved[i, k] = (least - whole) / whole * ahead
-
-    return weigh_many
-
-
 follow = kernel(_build_follow)
 forecast_many = kernel(_build_forecast_many)
 improve_many = kernel(_build_improve_many)
-weigh_many = kernel(_build_weigh_many)

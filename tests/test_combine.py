@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import shutil
 import sys
 from pathlib import Path
@@ -58,13 +57,14 @@ def test_the_network_learns_from_every_run(runs, tmp_path, monkeypatch, capsys):
     assert trained["combined_seeds"] == [0, 1]
     assert trained["decisions"] == 2 * SMALL.rounds * SMALL.episodes * 300
     assert ImitationSettings.from_dict(trained["settings"]) == SMALL
+    assert "--epochs 8" in trained["command"]
+    assert "torch" in trained["versions"]
     first, second = (LearnedPolicy.load(run / "policy") for run in runs)
     assert agreement(policy.network, runs[1]) > agreement(first.network, runs[1]) + 0.02
     assert agreement(policy.network, runs[0]) > agreement(second.network, runs[0]) + 0.02
-    said = list(itertools.chain.from_iterable(imitate.answers(run, SMALL.rounds) for run in runs))
-    x, y = (np.concatenate(parts) for parts in zip(*said, strict=True))
-    again = imitate.fit(x, y, SMALL, 8)
-    np.testing.assert_array_equal(policy.network(x), again(x))
+    said = [piece for run in runs for piece in imitate.answers(run, SMALL.rounds)]
+    again = imitate.fit(said, SMALL, 8)
+    np.testing.assert_array_equal(policy.network(said[0][0]), again(said[0][0]))
 
 
 def test_runs_that_do_not_belong_together_are_refused(runs, tmp_path):
@@ -76,14 +76,14 @@ def test_runs_that_do_not_belong_together_are_refused(runs, tmp_path):
         ([runs[0], runs[0]], "same seed"),
     ):
         with pytest.raises(ValueError, match=words):
-            combine.common_settings(folders)
+            combine.settings_of(folders)
 
 
 def test_a_run_that_is_not_finished_is_refused(runs, tmp_path):
     unfinished = shutil.copytree(runs[1], tmp_path / "unfinished")
     (unfinished / "round-01.npz").unlink()
     with pytest.raises(ValueError, match="unfinished has 1 of its 2 rounds: go on with it by"):
-        combine.combine([runs[0], unfinished], SMALL)
+        combine.answers_of([runs[0], unfinished], SMALL.rounds)
 
 
 def test_a_folder_in_use_is_left_as_it_is(runs, monkeypatch):

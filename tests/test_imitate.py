@@ -152,7 +152,7 @@ def test_a_network_learns_which_side_and_when_the_end_comes() -> None:
     ending = x[:, clock] < 8.5 / 300.0
     sides = np.stack([x[:, 0] + x[:, 3] > 0.0, ending, x[:, 5] - 2.0 * x[:, 9] > 0.5], axis=1)
     settings = ImitationSettings(hidden=(32, 32))
-    network = imitate.fit(x, np.where(sides, 1.0, -1.0).astype(np.float32), settings, 12)
+    network = imitate.fit([(x, np.where(sides, 1.0, -1.0).astype(np.float32))], settings, 12)
     agree = (network(x) > 0.0) == sides
     assert agree[:, 0].mean() > 0.98
     assert agree[:, 2].mean() > 0.9
@@ -167,7 +167,7 @@ def test_what_matters_outweighs_what_does_not() -> None:
     rng = np.random.default_rng(0)
     x = rng.standard_normal((30_000, SIZE)).astype(np.float32)
     worth = np.where(rng.random((len(x), 3)) < 0.25, 9.0, -1.0).astype(np.float32)  # mostly against, but not by worth
-    network = imitate.fit(x, np.sign(x[:, :3]) * worth, ImitationSettings(hidden=(16,)), 8)
+    network = imitate.fit([(x, np.sign(x[:, :3]) * worth)], ImitationSettings(hidden=(16,)), 8)
     clear = np.abs(x[:, :3]) > 0.3
     assert ((network(x) > 0.0) == (x[:, :3] > 0.0))[clear].mean() > 0.9
 
