@@ -11,7 +11,7 @@ from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
 
-_FILTERS = ("momentum", "rate")  # their settings are in satid_gym.estimators
+_FILTERS = ("momentum", "adaptive", "rate")  # their settings are in satid_gym.estimators
 _MOST_SAMPLES = 100_000  # a decision
 _MOST_DECISIONS = 1_000_000_000  # an episode
 

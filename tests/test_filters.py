@@ -559,7 +559,7 @@ def test_a_filter_started_again_forgets_everything(new, microsat):
     assert ekf._rows["broken"][0] == 0
     for name in ("mean", "covariance", "wheel_input", "guarded", "broken"):
         ekf._rows[name] = 7
-    kernels.start_filter(ekf._rows, ekf._work, *first)
+    kernels.start_filter(ekf._rows, ekf._models, ekf._work, *first)
     assert ekf._rows.tobytes() == fresh._rows.tobytes()
 
 

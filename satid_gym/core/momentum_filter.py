@@ -285,13 +285,14 @@ def _linearise(belief, work, gyro):
 
 @inline
 def _whiten(work, noise, support):
-    """Divide rows and innovation by the Cholesky factor of their noise covariance."""
+    """Divide rows and innovation by the Cholesky factor of their noise covariance, whose determinant work keeps."""
     rows, innovation = work.rows, work.innovation
     l00 = np.sqrt(noise[0])
     l10, l20 = noise[3] / l00, noise[4] / l00
     l11 = np.sqrt(noise[1] - l10 * l10)
     l21 = (noise[5] - l20 * l10) / l11
     l22 = np.sqrt(noise[2] - l20 * l20 - l21 * l21)
+    work.noise_determinant = (l00 * l11 * l22) ** 2
     for j in range(support):
         r0 = rows[0, j] / l00
         r1 = (rows[1, j] - l10 * r0) / l11

@@ -139,6 +139,10 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("stuck", _I, n),  # 1: the tachometer repeats itself; 2: did so until this reading
             ("outage", _I),  # samples for which neither the gyro nor a stuck tachometer had anything to say
             ("torque_max", _F, n),
+            # where the belief is one of several models, see core.multiple_model
+            ("dwell", _F),  # mean time between two changes of model, s
+            ("weight", _F),  # probability of the model
+            ("evidence", _F),  # its logarithm after the last reading, up to a constant
         ],
         align=True,
     )
@@ -257,6 +261,8 @@ def work_dtype(n: int, p: int, size: int) -> np.dtype:
             ("delta", _F, wide),
             ("theta", _F, p),
             ("innovation", _F, 3 + n),
+            ("noise_determinant", _F),  # of the gyro reading's noise covariance
+            ("whitened_determinant", _F),  # of the innovation's covariance over that of the noise
             ("block", _F, (p, p)),
             ("wheel", _F, (4, n)),
         ],

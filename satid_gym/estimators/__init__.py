@@ -5,11 +5,12 @@ theta = (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz), body frame, SI units.
 """
 
 from satid_gym.estimators import least_squares
-from satid_gym.estimators.compiled import FilterRun, MomentumEKF, RateEKF
+from satid_gym.estimators.compiled import AdaptiveEKF, FilterRun, MomentumEKF, RateEKF
 from satid_gym.estimators.protocol import Estimator
 from satid_gym.estimators.reference import FilterpyMomentumEKF, FilterpyMomentumUKF
 from satid_gym.estimators.reference_rate import FilterpyRateEKF
 from satid_gym.estimators.settings import (
+    AdaptiveEKFSettings,
     Briefing,
     MomentumEKFSettings,
     RateEKFSettings,
@@ -19,6 +20,8 @@ from satid_gym.estimators.settings import (
 from satid_gym.estimators.smoother import MomentumSmoother
 
 __all__ = [
+    "AdaptiveEKF",
+    "AdaptiveEKFSettings",
     "Briefing",
     "Estimator",
     "FilterRun",

@@ -7,9 +7,11 @@ import numpy as np
 from satid_gym.core.records import MOMENTUM, RATE, belief_dtype, work_dtype
 from satid_gym.estimators.settings import (
     PARAMETER_COUNT,
+    AdaptiveEKFSettings,
     Briefing,
     EstimatorSettings,
     MomentumEKFSettings,
+    RateEKFSettings,
     disturbance_walk,
     gate_distance,
     inertia_parameters,
@@ -19,11 +21,15 @@ from satid_gym.estimators.settings import (
 def state_size(settings: EstimatorSettings, wheels: int) -> int:
     """Length of the filter's state."""
     p = PARAMETER_COUNT[settings.parameters]
-    return 3 + p + (3 if isinstance(settings, MomentumEKFSettings) else wheels)
+    return 3 + p + (wheels if isinstance(settings, RateEKFSettings) else 3)
 
 
 def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
-    """One row of belief, not yet started by a reading."""
+    """One row of belief, not yet started by a reading; its models are in `new_models`."""
+    if isinstance(settings, AdaptiveEKFSettings):
+        rows = new_belief(briefing, settings.model(max(settings.inertia_walks)))
+        rows["dwell"] = settings.dwell
+        return rows
     wheels = briefing.wheels
     n, p = wheels.count, PARAMETER_COUNT[settings.parameters]
     rows = np.zeros(1, belief_dtype(n, p, state_size(settings, n)))
@@ -54,6 +60,13 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
         row["walk"][3 : 3 + p] = settings.inertia_walk
         row["walk"][3 + p :] = settings.wheel_speed_walk
     return rows
+
+
+def new_models(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
+    """(1, K) beliefs of the models that the filter's belief is the mixture of; K = 0 where it has none."""
+    if isinstance(settings, AdaptiveEKFSettings):
+        return np.stack([new_belief(briefing, settings.model(walk)) for walk in settings.inertia_walks], axis=1)
+    return new_belief(briefing, settings)[:, None][:, :0]
 
 
 def new_work(wheels: int, settings: EstimatorSettings) -> np.ndarray:

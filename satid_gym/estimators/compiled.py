@@ -1,4 +1,4 @@
-"""MomentumEKF and RateEKF: the core's filters behind the estimators' protocol."""
+"""MomentumEKF, AdaptiveEKF and RateEKF: the core's filters behind the estimators' protocol."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from satid_gym.config import check_number, real_array
 from satid_gym.core import kernels
-from satid_gym.estimators.belief import new_belief, new_work
+from satid_gym.estimators.belief import new_belief, new_models, new_work
 from satid_gym.estimators.settings import (
+    AdaptiveEKFSettings,
     Briefing,
     EstimatorSettings,
     MomentumEKFSettings,
@@ -50,13 +51,14 @@ class FilterRun:
 
 
 class CompiledEKF:
-    """One of the core's filters; made by `MomentumEKF` or `RateEKF`."""
+    """One of the core's filters; made by `MomentumEKF`, `AdaptiveEKF` or `RateEKF`."""
 
     coordinates: Literal["momentum", "rate"]
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self.settings = settings
         self._rows: Any = np.zeros(0)
+        self._models: Any = None
         self._work: Any = None
 
     @property
@@ -82,7 +84,7 @@ class CompiledEKF:
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
         self._brief(briefing)
-        kernels.start_filter(self._rows, self._work, self._gyro(gyro), self._speed(wheel_speed))
+        kernels.start_filter(self._rows, self._models, self._work, self._gyro(gyro), self._speed(wheel_speed))
 
     def command(self, torque: np.ndarray) -> None:
         """Take note of the motor torque (n,) commanded from now on, N m; wheels without tachometer follow it."""
@@ -91,12 +93,15 @@ class CompiledEKF:
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
         self._started()
-        kernels.predict_filter(self._rows, self._work, self._speed(wheel_speed), check_number("dt", dt, strict=True))
+        kernels.predict_filter(
+            self._rows, self._models, self._work, self._speed(wheel_speed), check_number("dt", dt, strict=True)
+        )
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
         self._started()
-        return float(kernels.condition_filter(self._rows, self._work, self._gyro(gyro), self._speed(wheel_speed)))
+        readings = self._gyro(gyro), self._speed(wheel_speed)
+        return float(kernels.condition_filter(self._rows, self._models, self._work, *readings))
 
     @property
     def accepted(self) -> tuple[bool, np.ndarray] | None:
@@ -126,12 +131,12 @@ class CompiledEKF:
         mean, nis = np.empty((len(gyro), size)), np.empty(len(gyro))
         covariance = np.empty((len(gyro), size, size))
         dt = check_number("dt", dt, strict=True)
-        kernels.run_filter(self._rows, self._work, gyro, wheel_speed, dt, mean, covariance, nis)
+        kernels.run_filter(self._rows, self._models, self._work, gyro, wheel_speed, dt, mean, covariance, nis)
         p = self._rows["prior_theta"].shape[1]
         return FilterRun(mean=mean, covariance=covariance, nis=nis, parameters=p, guarded=self.guarded)
 
     def _brief(self, briefing: Briefing) -> None:
-        self._rows = new_belief(briefing, self.settings)
+        self._rows, self._models = new_belief(briefing, self.settings), new_models(briefing, self.settings)
         self._work = new_work(briefing.wheels.count, self.settings)
 
     def _started(self) -> np.void:
@@ -157,6 +162,26 @@ class MomentumEKF(CompiledEKF):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(MomentumEKFSettings.from_dict(settings))
+
+
+class AdaptiveEKF(CompiledEKF):
+    """MomentumEKFs of several inertia walks as interacting multiple models; the state is their mixture's.
+
+    Args:
+        **settings: fields of `AdaptiveEKFSettings`.
+    """
+
+    coordinates = "momentum"
+    settings: AdaptiveEKFSettings
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(AdaptiveEKFSettings.from_dict(settings))
+
+    @property
+    def weights(self) -> np.ndarray:
+        """(K,) probability of each model, in the order of `inertia_walks`."""
+        self._started()
+        return self._models["weight"][0].copy()
 
 
 class RateEKF(CompiledEKF):

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy.special
 
-from satid_gym.config import Config, check_number, check_whole, unknown_name
+from satid_gym.config import Config, check_number, check_whole, real_array, unknown_name
 from satid_gym.satellite import ReactionWheels, Satellite, inertia_tensor
 from satid_gym.scenario import Scenario
 
@@ -193,9 +193,52 @@ class RateEKFSettings(Config):
             check_number(name, getattr(self, name))
 
 
-EstimatorSettings = MomentumEKFSettings | RateEKFSettings
-ESTIMATORS: dict[str, type[MomentumEKFSettings] | type[RateEKFSettings]] = {
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AdaptiveEKFSettings(Config):
+    """Tuning of the AdaptiveEKF: MomentumEKFs of several walks as interacting multiple models.
+
+    Attributes:
+        name: "adaptive".
+        parameters: "principal" or "full".
+        inertia_walks: of each model, random walk of each moment relative to its prior, per sqrt(s).
+        dwell: mean time for which one model holds, s.
+        disturbance_walk: as for the MomentumEKF.
+        substeps: midpoint steps between two readings.
+    """
+
+    name: Literal["adaptive"] = "adaptive"
+    parameters: Parameters = "principal"
+    inertia_walks: tuple[float, ...] = (0.0001, 0.001, 0.004, 0.02)
+    dwell: float = 1000.0
+    disturbance_walk: float | None = None
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        walks = real_array("inertia_walks", self.inertia_walks)
+        if walks.ndim != 1 or len(walks) < 2 or len(set(walks.tolist())) < len(walks) or (walks < 0.0).any():
+            raise ValueError(
+                f"inertia_walks must be two or more different numbers of at least 0, got {self.inertia_walks!r}; "
+                'for a single one take the estimator "momentum"'
+            )
+        object.__setattr__(self, "inertia_walks", tuple(walks.tolist()))
+        check_number("dwell", self.dwell, strict=True)
+        self.model(walks[0].item())
+
+    def model(self, walk: float) -> MomentumEKFSettings:
+        """The model of one walk."""
+        return MomentumEKFSettings(
+            parameters=self.parameters,
+            inertia_walk=walk,
+            disturbance_walk=self.disturbance_walk,
+            substeps=self.substeps,
+        )
+
+
+EstimatorSettings = MomentumEKFSettings | AdaptiveEKFSettings | RateEKFSettings
+ESTIMATORS: dict[str, type[MomentumEKFSettings] | type[AdaptiveEKFSettings] | type[RateEKFSettings]] = {
     "momentum": MomentumEKFSettings,
+    "adaptive": AdaptiveEKFSettings,
     "rate": RateEKFSettings,
 }
 
@@ -206,7 +249,7 @@ def estimator_settings(value: str | Mapping[str, Any] | EstimatorSettings) -> Es
     Raises:
         ValueError: the name or a setting is unknown.
     """
-    if isinstance(value, (MomentumEKFSettings, RateEKFSettings)):
+    if isinstance(value, EstimatorSettings):
         return value
     if isinstance(value, str):
         value = {"name": value}
