@@ -8,6 +8,7 @@ from satid_gym.estimators import least_squares
 from satid_gym.estimators.compiled import AdaptiveEKF, FilterRun, MomentumEKF, RateEKF
 from satid_gym.estimators.protocol import Estimator
 from satid_gym.estimators.reference import FilterpyMomentumEKF, FilterpyMomentumUKF
+from satid_gym.estimators.reference_adaptive import FilterpyAdaptiveEKF
 from satid_gym.estimators.reference_rate import FilterpyRateEKF
 from satid_gym.estimators.settings import (
     AdaptiveEKFSettings,
@@ -25,6 +26,7 @@ __all__ = [
     "Briefing",
     "Estimator",
     "FilterRun",
+    "FilterpyAdaptiveEKF",
     "FilterpyMomentumEKF",
     "FilterpyMomentumUKF",
     "FilterpyRateEKF",

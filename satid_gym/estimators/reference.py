@@ -13,13 +13,13 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 
 from satid_gym.estimators.reference_gate import Vetting
 from satid_gym.estimators.reference_model import MomentumModel, tensor
-from satid_gym.estimators.settings import Briefing, MomentumEKFSettings, Parameters, RateEKFSettings
+from satid_gym.estimators.settings import Briefing, EstimatorSettings, MomentumEKFSettings, Parameters
 
 
 class Reference:
     """What the reference filters share."""
 
-    def __init__(self, settings: MomentumEKFSettings | RateEKFSettings) -> None:
+    def __init__(self, settings: EstimatorSettings) -> None:
         self.settings = settings
         self.filter: Any = None  # filterpy's, which carries no types
 
