@@ -50,7 +50,7 @@ class Comparison:
     """What to compare."""
 
     scenario: str = "default"
-    """The world: default, tight, paper or faults."""
+    """The world: default, tight, adaptive, paper or faults."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to fly."""
     modes: tuple[str, ...] = INERTIA_MODES

@@ -17,7 +17,7 @@ from baselines import BASELINES, build, tuned_entry
 from baselines.provenance import write_text
 from baselines.registry import UNTUNED
 from satid_gym.config import Config
-from satid_gym.estimators.settings import MomentumEKFSettings, RateEKFSettings
+from satid_gym.estimators.settings import AdaptiveEKFSettings, MomentumEKFSettings, RateEKFSettings
 from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import SATELLITES, Satellite
@@ -98,7 +98,7 @@ def laws() -> str:
         [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
         for name in _names(LawRanges)
     ]
-    return markdown(["range", "default, tight, faults", "paper, benchmark", "meaning"], rows)
+    return markdown(["range", "default, tight, adaptive, faults", "paper, benchmark", "meaning"], rows)
 
 
 def faults() -> str:
@@ -138,6 +138,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws, "faults": faults},
     "estimators.md": {
         "momentum": lambda: settings(MomentumEKFSettings),
+        "adaptive": lambda: settings(AdaptiveEKFSettings),
         "rate": lambda: settings(RateEKFSettings),
     },
     "baselines.md": {"baselines": baselines},

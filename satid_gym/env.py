@@ -51,7 +51,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
     p = 3 principal moments. `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the
     last two parts, with which all of the filter's covariance is observed (70 numbers). Its s states are momentum,
-    parameters, disturbance torque (MomentumEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
+    parameters, disturbance torque (MomentumEKF, AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
 
     | name | size | meaning |
     |---|---|---|
@@ -77,7 +77,7 @@ without the 3 x p block that `correlation` holds |
     | term | default weight | meaning |
     |---|---|---|
     | gained | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
-covariance of the inertia parameters, in nats; never negative |
+covariance of the inertia parameters, in nats; never negative, but with the AdaptiveEKF where a reading brings doubt |
     | held | 0 | nats by which the inertia is better known at the decision's end than before launch |
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
 over the rate limit, less 0.96, where positive |
@@ -121,9 +121,9 @@ over the rate limit, less 0.96, where positive |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "random", a `Satellite`, or a list to draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
-    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", "faults", or a \
-`Scenario` |
-    | estimator | "momentum" | "momentum", "rate", their settings, or any object that follows `Estimator` |
+    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "adaptive" (the AdaptiveEKF), "paper", \
+"faults", or a `Scenario` |
+    | estimator | "momentum" | "momentum", "adaptive", "rate", their settings, or any object that follows `Estimator` |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
 `scenario={"horizon": seconds}` |

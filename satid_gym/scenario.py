@@ -157,6 +157,7 @@ SCENARIOS: dict[str, Scenario] = {
     for scenario in (
         Scenario(),
         Scenario(name="tight", wheel_speed_scale=0.1),
+        Scenario(name="adaptive", estimator="adaptive"),
         Scenario(
             name="paper",
             sample_period=1.0,

@@ -21,7 +21,15 @@ from satid_gym import (
     SatInertiaIDVectorEnv,
     Scenario,
 )
-from satid_gym.estimators import MomentumEKF, MomentumEKFSettings, RateEKF, RateEKFSettings, brief, estimator_settings
+from satid_gym.estimators import (
+    AdaptiveEKFSettings,
+    MomentumEKF,
+    MomentumEKFSettings,
+    RateEKF,
+    RateEKFSettings,
+    brief,
+    estimator_settings,
+)
 from satid_gym.problem import Problem, problem
 
 WHEELS = ReactionWheels(inertia=2e-3, max_torque=0.1, max_speed=900.0)
@@ -208,7 +216,7 @@ def test_paper_satellites():
 
 
 def test_scenarios():
-    assert sorted(SCENARIOS) == ["default", "faults", "paper", "tight"]
+    assert sorted(SCENARIOS) == ["adaptive", "default", "faults", "paper", "tight"]
     default, tight, paper = SCENARIOS["default"], SCENARIOS["tight"], SCENARIOS["paper"]
     assert (default.decisions, default.samples, paper.samples) == (300, 10, 1)
     microsat = SATELLITES["microsat"]
@@ -219,6 +227,8 @@ def test_scenarios():
     assert brief(microsat, paper).inertia[0, 0] == pytest.approx(0.85 * 6.53)
     assert problem(scenario="paper").estimator == RateEKFSettings()
     assert problem().estimator == MomentumEKFSettings()
+    assert problem(scenario="adaptive").estimator == AdaptiveEKFSettings()
+    assert SCENARIOS["adaptive"].replace(name="default", estimator="momentum") == default
     assert problem(scenario="faults").estimator == MomentumEKFSettings(gate=1e-6)
     assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
 

@@ -19,6 +19,8 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 import satid_gym
 from satid_gym import SATELLITES, InertiaLaw, Satellite, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.estimators import (
+    AdaptiveEKF,
+    FilterpyAdaptiveEKF,
     FilterpyMomentumEKF,
     FilterpyMomentumUKF,
     FilterpyRateEKF,
@@ -52,7 +54,7 @@ def assert_same_steps(one: list, other: list, tolerance: float = 0.0) -> None:
 
 def state_of(env: SatInertiaIDEnv) -> bytes:
     """Everything a step could change."""
-    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observation)
+    records = (env._plants, env._beliefs, env._models, env._tasks, env._reports, env._observation)
     return b"".join(record.tobytes() for record in records)
 
 
@@ -68,6 +70,7 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
         {"scenario": "tight"},
         {"scenario": "faults"},
         {"estimator": "rate"},
+        {"estimator": "adaptive"},
         {"include_covariance": True},
         {"estimator": "rate", "include_covariance": True},
     ],
@@ -442,6 +445,8 @@ def test_draws_beside_the_impossible_are_drawn_again():
         (FilterpyRateEKF, "rate", {}),
         (MomentumEKF, "momentum", {"inertia_walk": 0.002, "substeps": 2}),
         (RateEKF, "rate", {"gyro_std": 1e-4}),
+        (FilterpyAdaptiveEKF, "adaptive", {"inertia_walks": (0.0, 0.003)}),
+        (AdaptiveEKF, "adaptive", {"dwell": 100.0, "substeps": 2}),
     ],
 )
 @pytest.mark.parametrize("net", [False, True])

@@ -10,7 +10,9 @@ import pytest
 from satid_gym import SATELLITES, Disturbance, InertiaLaw, ReactionWheels, Satellite, simulate
 from satid_gym.core import kernels
 from satid_gym.estimators import (
+    AdaptiveEKF,
     Briefing,
+    FilterpyAdaptiveEKF,
     FilterpyMomentumEKF,
     FilterpyMomentumUKF,
     FilterpyRateEKF,
@@ -306,8 +308,8 @@ def test_first_covariance_is_that_of_samples(parameters, states):
 @pytest.mark.parametrize("mode", INERTIA_MODES)
 @pytest.mark.parametrize(
     ("fast", "slow"),
-    [(MomentumEKF, FilterpyMomentumEKF), (RateEKF, FilterpyRateEKF)],
-    ids=["momentum", "rate"],
+    [(MomentumEKF, FilterpyMomentumEKF), (AdaptiveEKF, FilterpyAdaptiveEKF), (RateEKF, FilterpyRateEKF)],
+    ids=["momentum", "adaptive", "rate"],
 )
 @pytest.mark.compiled
 def test_compiled_equals_filterpy_over_an_episode(fast, slow, mode, microsat):
@@ -324,6 +326,7 @@ def test_compiled_equals_filterpy_over_an_episode(fast, slow, mode, microsat):
         ("skewed", MomentumEKF, FilterpyMomentumEKF),
         ("skewed", RateEKF, FilterpyRateEKF),
         ("pyramid", MomentumEKF, FilterpyMomentumEKF),
+        ("pyramid", AdaptiveEKF, FilterpyAdaptiveEKF),
     ],
 )
 @pytest.mark.compiled
@@ -342,7 +345,7 @@ def test_compiled_equals_filterpy_with_substeps(microsat):
     assert_equal_filters(run, run_slowly(FilterpyMomentumEKF(**settings), readings))
 
 
-@pytest.mark.parametrize("new", [MomentumEKF, RateEKF])
+@pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 def test_run_equals_reading_by_reading(new, microsat):
     readings = fly(microsat, "periodic", seconds=30)
     run = new().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
@@ -512,7 +515,7 @@ def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parame
 # What must never break
 
 
-@pytest.mark.parametrize("new", [MomentumEKF, RateEKF])
+@pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 @pytest.mark.parametrize("calm", [True, False], ids=["flight", "wild"])
 @pytest.mark.compiled
 def test_covariance_stays_symmetric_and_positive_definite_over_1e5_steps(new, calm, microsat):
@@ -549,7 +552,7 @@ def test_a_wild_reading_is_guarded_and_counted(microsat):
     assert (ekf.mean[3:6] > 0.05 * np.diag(briefing.inertia)).all()
 
 
-@pytest.mark.parametrize("new", [MomentumEKF, RateEKF])
+@pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 def test_a_filter_started_again_forgets_everything(new, microsat):
     """The same rows started twice: nothing of the first flight is left, its count and its flag neither."""
     briefing, first = brief(microsat, SCENARIOS["default"]), (np.array([0.01, -0.02, 0.03]), np.array([9.0, 8.0, 7.0]))
@@ -558,9 +561,11 @@ def test_a_filter_started_again_forgets_everything(new, microsat):
         filter.reset(briefing, *first)
     assert ekf._rows["broken"][0] == 0
     for name in ("mean", "covariance", "wheel_input", "guarded", "broken"):
-        ekf._rows[name] = 7
+        ekf._rows[name] = ekf._models[name] = 7
+    ekf._models["weight"] = 7
     kernels.start_filter(ekf._rows, ekf._models, ekf._work, *first)
     assert ekf._rows.tobytes() == fresh._rows.tobytes()
+    assert ekf._models.tobytes() == fresh._models.tobytes()
 
 
 def test_an_update_never_raises_and_a_prediction_never_lowers_uncertainty(microsat):

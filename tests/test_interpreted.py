@@ -60,6 +60,7 @@ def rollouts() -> dict[str, np.ndarray]:
             reward={"criterion": "maxeig", "net": True},
             include_covariance=True,
         ),
+        "adaptive": episode(inertia="step", estimator={"name": "adaptive", "parameters": "full"}),
         "tight": episode(satellite="smallsat", scenario="tight", inertia="static"),
     }
 

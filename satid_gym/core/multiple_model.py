@@ -27,6 +27,7 @@ def start(belief, bank, work, gyro, tachometer):
         momentum_filter.start(bank[k], work, gyro, tachometer)
         bank[k].weight = 1.0 / bank.shape[0]
     if bank.shape[0] > 1:
+        belief.broken = 0
         _combine(belief, bank)
 
 

@@ -200,7 +200,7 @@ class AdaptiveEKFSettings(Config):
     Attributes:
         name: "adaptive".
         parameters: "principal" or "full".
-        inertia_walks: of each model, random walk of each moment relative to its prior, per sqrt(s).
+        inertia_walks: of each model, random walk of each moment relative to its prior, per sqrt(s), the slowest first.
         dwell: mean time for which one model holds, s.
         disturbance_walk: as for the MomentumEKF.
         substeps: midpoint steps between two readings.
@@ -216,9 +216,9 @@ class AdaptiveEKFSettings(Config):
     def __post_init__(self) -> None:
         super().__post_init__()
         walks = real_array("inertia_walks", self.inertia_walks)
-        if walks.ndim != 1 or len(walks) < 2 or len(set(walks.tolist())) < len(walks) or (walks < 0.0).any():
+        if walks.ndim != 1 or len(walks) < 2 or walks[0] < 0.0 or (np.diff(walks) <= 0.0).any():
             raise ValueError(
-                f"inertia_walks must be two or more different numbers of at least 0, got {self.inertia_walks!r}; "
+                f"inertia_walks must be two or more numbers of at least 0 that increase, got {self.inertia_walks!r}; "
                 'for a single one take the estimator "momentum"'
             )
         object.__setattr__(self, "inertia_walks", tuple(walks.tolist()))

@@ -26,7 +26,8 @@ from tqdm import tqdm
 from baselines.ending import ended, refusal
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from satid_gym import SatInertiaIDEnv
-from satid_gym.config import check_whole
+from satid_gym.config import check_names, check_whole
+from satid_gym.estimators.settings import ESTIMATORS
 from tests.fuzz.configuration import Configuration, Group, draw_configuration
 from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
 from tests.fuzz.spoil import refused, refuses_actions, spoil
@@ -48,6 +49,8 @@ class Fuzz:
     """Decisions that each flies."""
     wheels: tuple[int, ...] = (3, 4, 5, 6, 7, 8)
     """Numbers of wheels; each compiles four kernels, up to a minute each, on the first run."""
+    estimators: tuple[str, ...] = ("momentum", "rate")
+    """Filters; "adaptive" as well is flown by the kernels of "momentum"."""
     output: Path = Path("results/fuzz.json")
     """Where the findings go."""
 
@@ -64,6 +67,7 @@ class Fuzz:
             check_whole("only", self.only, low=0, high=self.configurations - 1)
         if not self.wheels:
             raise ValueError("name at least one number of wheels")
+        check_names("estimator", self.estimators, ESTIMATORS)
         for wheels in self.wheels:
             check_whole("wheels", wheels, low=3)
 
@@ -73,7 +77,7 @@ class Fuzz:
             Group(wheels=n, parameters=parameters, estimator=estimator)
             for n in self.wheels
             for parameters in ("principal", "full")
-            for estimator in ("momentum", "rate")
+            for estimator in self.estimators
         ]
 
     def group(self, index: int) -> Group:

@@ -31,6 +31,7 @@ CASES: dict[str, dict[str, Any]] = {
     "default, microsat, rate": {"satellite": "microsat", "inertia": "periodic", "estimator": "rate"},
     "reward trace, net": {"satellite": "cubesat", "reward": {"criterion": "trace", "net": True, "effort_weight": 0.1}},
     "reward maxeig, held": {"satellite": "microsat", "reward": {"criterion": "maxeig", "held_scale": 0.01}},
+    "adaptive, microsat": {"satellite": "microsat", "inertia": "step", "scenario": "adaptive"},
 }
 
 
