@@ -212,8 +212,10 @@ def show(results: dict[str, Any]) -> None:
     for r in results["attained"]:
         interval = f"{r['ratio']:.2f} [{r['ratio_lo']:.2f} {r['ratio_hi']:.2f}]"
         print(f"{r['satellite']:9s} {r['inertia']:8s} {r['policy']:18s} {interval}  rms {100 * r['rms_error']:.4f} %")
-    print("\nroot mean square final error, %: default tuning, AdaptiveEKF, told the law, its bound, and how many "
-          "times the default tuning has of what the law would give")
+    print(
+        "\nroot mean square final error, %: default tuning, AdaptiveEKF, told the law, its bound, and how many "
+        "times the default tuning has of what the law would give"
+    )
     for r in results["given_away"]:
         names = ("default", "adaptive", "told_the_law", "bound")
         default, adaptive, told, bound = (100.0 * r[f"rms_{name}"] for name in names)

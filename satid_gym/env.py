@@ -51,7 +51,8 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
     p = 3 principal moments. `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the
     last two parts, with which all of the filter's covariance is observed (70 numbers). Its s states are momentum,
-    parameters, disturbance torque (MomentumEKF, AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
+    parameters, disturbance torque (MomentumEKF and AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF,
+    s = p + 3 + n).
 
     | name | size | meaning |
     |---|---|---|
@@ -121,8 +122,8 @@ over the rate limit, less 0.96, where positive |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "random", a `Satellite`, or a list to draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
-    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "adaptive" (the AdaptiveEKF), "paper", \
-"faults", or a `Scenario` |
+    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "adaptive" (the AdaptiveEKF), \
+"paper", "faults", or a `Scenario` |
     | estimator | "momentum" | "momentum", "adaptive", "rate", their settings, or any object that follows `Estimator` |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \

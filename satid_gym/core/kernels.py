@@ -1,6 +1,7 @@
 """The compiled functions that Python calls, apart from those that step whole episodes.
 
-Every record argument is an array of which row 0 is used; models (1, K) are those of the belief, K = 0 where it has none.
+Every record argument is an array of which row 0 is used; models (1, K) are those of the belief, K = 0 where there is
+none.
 """
 
 from __future__ import annotations

@@ -208,8 +208,8 @@ class AdaptiveEKFSettings(Config):
 
     name: Literal["adaptive"] = "adaptive"
     parameters: Parameters = "principal"
-    inertia_walks: tuple[float, ...] = (0.0001, 0.001, 0.004, 0.02)
-    dwell: float = 1000.0
+    inertia_walks: tuple[float, ...] = (0.0, 0.0008, 0.005, 0.05)
+    dwell: float = 3000.0
     disturbance_walk: float | None = None
     substeps: int = 1
 
