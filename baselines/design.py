@@ -18,7 +18,7 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
+from baselines.open_loop_optimal import DESIGNED_AS, DESIGNS, OpenLoopOptimalPolicy, planned_rates
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.tune import Trial, attempt, best
 from satid_gym.bounds import Course, posterior_bound
@@ -49,7 +49,7 @@ class Design:
     """Of the search."""
     episodes: int = 100
     """Tuning episodes that judge a share of the rate limit."""
-    scenarios: tuple[str, ...] = tuple(name for name in SCENARIOS if name not in PREPARED_AS)
+    scenarios: tuple[str, ...] = tuple(name for name in SCENARIOS if name not in DESIGNED_AS)
     """Scenarios to design for."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to design for."""

@@ -1,9 +1,10 @@
 """What a sequence of body-rate commands would teach the filter: the model that the planning baselines share.
 
 A planner keeps the covariance that the MomentumEKF must have: the same equations, along the rates that were
-observed, for observations give only part of it. From there it flies candidate commands, as `RateLoop` would
-turn them into torque, on the estimated satellite without noise, and adds up what the filter's updates gain and
-leave to be known. Time goes in `steps` a decision, with the readings of a step taken as one of their mean's noise.
+observed, for observations give only part of it. (In place of an AdaptiveEKF it keeps a MomentumEKF of a walk between
+those of the models.) From there it flies candidate commands, as `RateLoop` would turn them into torque, on the
+estimated satellite without noise, and adds up what the filter's updates gain and leave to be known. Time goes in
+`steps` a decision, with the readings of a step taken as one of their mean's noise.
 """
 
 from __future__ import annotations
@@ -33,8 +34,17 @@ from satid_gym.core.random import uniform
 from satid_gym.core.records import LOGDET
 from satid_gym.core.reward import spread
 from satid_gym.estimators.belief import new_belief, new_work
-from satid_gym.estimators.settings import MomentumEKFSettings, Parameters, brief
+from satid_gym.estimators.settings import (
+    AdaptiveEKFSettings,
+    MomentumEKFSettings,
+    Parameters,
+    brief,
+    estimator_settings,
+)
 from satid_gym.policy import Mission
+from satid_gym.scenario import Scenario
+
+_ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an AdaptiveEKF: the best compromise on tuning seeds
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +76,7 @@ class Planner:
         self._margin, self._steps = margin, steps
         self._step = scenario.decision_period / steps
         parameters: Parameters = "principal" if layout["inertia"].stop - layout["inertia"].start == 3 else "full"
-        settings = MomentumEKFSettings(parameters=parameters)
+        settings = MomentumEKFSettings(parameters=parameters, inertia_walk=_walk(scenario))
         averaged = np.sqrt(scenario.sample_period / self._step)  # noise of a step's mean over a reading's
         satellite = mission.satellite  # as operated, so that the scenario's factors are in it already
         briefing = brief(satellite, scenario.replace(wheel_speed_scale=1.0, disturbance_scale=1.0))
@@ -151,6 +161,14 @@ class Planner:
         craft = self.craft
         limit = np.maximum(craft.max_spin - self._margin * craft.impulse_std, 0.0)[0]
         return (craft.mixer[0], craft.carried[0], craft.max_torque[0], limit), self._step, self._steps
+
+
+def _walk(scenario: Scenario) -> float:
+    """Inertia walk, per sqrt(s), of the MomentumEKF that a forecast takes for the scenario's filter."""
+    own = estimator_settings(scenario.estimator)
+    if isinstance(own, AdaptiveEKFSettings):
+        return _ADAPTIVE_WALK
+    return own.inertia_walk if isinstance(own, MomentumEKFSettings) else MomentumEKFSettings().inertia_walk
 
 
 def _parameters(inertia: np.ndarray, count: int) -> np.ndarray:
