@@ -57,9 +57,11 @@ def test_forecast_comes_true_where_nothing_disturbs(scenario: Scenario, paramete
     assert np.std(error) < 0.08 * np.std(actual)
 
 
+@pytest.mark.parametrize("walk", [0.004, 0.001])
 @pytest.mark.parametrize("steps", [2, 10])
-def test_the_planners_covariance_follows_the_filters(steps: int) -> None:
-    env = SatInertiaIDVectorEnv(8, "cubesat", "static")
+def test_the_planners_covariance_follows_the_filters(steps: int, walk: float) -> None:
+    scenario = Scenario(estimator={"name": "momentum", "inertia_walk": walk})
+    env = SatInertiaIDVectorEnv(8, "cubesat", "static", scenario)
     (mission,) = missions(env.problem)
     planner, loop = Planner(mission, 8, steps, 2.5), RateLoop([mission], 2.5)
     observation, _ = env.reset(seed=5)
@@ -76,6 +78,26 @@ def test_the_planners_covariance_follows_the_filters(steps: int) -> None:
     spread = np.abs(np.log(ratios))
     assert np.median(spread) < (0.02 if steps == 10 else 0.3)  # longer steps forget in longer steps
     assert np.quantile(spread, 0.95) < (0.1 if steps == 10 else 0.4)
+
+
+def test_a_planner_forecasts_with_a_walk_between_those_of_the_adaptive_filters_models() -> None:
+    """Under each inertia law the filter's own uncertainty is now above, now below what the planner keeps."""
+    ratios = {}
+    for mode in ("static", "periodic"):
+        env = SatInertiaIDVectorEnv(8, "microsat", mode, benchmark_scenario("adaptive"))
+        (mission,) = missions(env.problem)
+        planner, loop = Planner(mission, 8, 2, 2.5), RateLoop([mission], 2.5)
+        observation, _ = env.reset(seed=5)
+        for t in range(120):
+            planner.observe(observation)
+            side = np.where((t // 10 + np.arange(3)) % 2 == 0, 1.0, -1.0)
+            observation, *_ = env.step(loop(observation, np.broadcast_to(side, (8, 3))))
+        planner.observe(observation)
+        std = np.sqrt(np.diagonal(planner.beliefs["covariance"][:, 3:6, 3:6], axis1=1, axis2=2))
+        told = 10.0 ** (observation[:, mission.layout["uncertainty"]] - 2.0)
+        ratios[mode] = np.median(std / planner.beliefs["theta_scale"] / told)
+    assert ratios["periodic"] < 0.9
+    assert ratios["static"] > 1.5
 
 
 def in_flight(satellite: str, inertia: str, side: Callable[[int], np.ndarray], seed: int) -> Planner:
