@@ -27,7 +27,7 @@ def state_size(settings: EstimatorSettings, wheels: int) -> int:
 def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
     """One row of belief, not yet started by a reading; its models are in `new_models`."""
     if isinstance(settings, AdaptiveEKFSettings):
-        rows = new_belief(briefing, settings.model(max(settings.inertia_walks)))
+        rows = new_belief(briefing, settings.model(settings.inertia_walks[-1]))
         rows["dwell"] = settings.dwell
         return rows
     wheels = briefing.wheels
