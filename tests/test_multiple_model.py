@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from test_consistency import fly as fly_cell
 from test_consistency import square_wave
-from test_filters import DT, fly
+from test_filters import DT, assert_equal_filters, fly, run_slowly
 
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.estimators import AdaptiveEKF, AdaptiveEKFSettings, MomentumEKF
+from satid_gym.estimators import AdaptiveEKF, AdaptiveEKFSettings, FilterpyAdaptiveEKF, MomentumEKF
 from satid_gym.interface import INFO_KEYS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
@@ -28,6 +28,14 @@ def weights(ekf: AdaptiveEKF, readings) -> np.ndarray:
         ekf.update(gyro, speed)
         series.append(ekf.weights)
     return np.array(series)
+
+
+@pytest.mark.parametrize("settings", [{"dwell": 2.0}, {"inertia_walks": (0.0, 0.1), "parameters": "full"}])
+def test_a_short_flight_is_filterpys(settings, microsat):
+    """With models that change often and are far apart, so that every term of the mixture counts."""
+    readings = fly(microsat, "static", seconds=12)
+    run = AdaptiveEKF(**settings).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    assert_equal_filters(run, run_slowly(FilterpyAdaptiveEKF(**settings), readings), 1e-8)
 
 
 def test_models_that_are_alike_are_one_filter(microsat):

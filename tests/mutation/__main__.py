@@ -38,6 +38,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/algebra": ("algebra",),
     "core/dynamics": ("dynamics",),
     "core/momentum_filter": ("filters",),
+    "core/multiple_model": ("multiple_model",),
     "core/rate_filter": ("filters",),
     "core/kalman": ("filters",),
     "core/reward": ("reward",),
