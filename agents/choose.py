@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tyro
@@ -17,10 +18,10 @@ from tqdm import tqdm
 
 from agents.learned import LearnedPolicy
 from agents.policies import PRETRAINED
-from agents.settings import ImitationSettings, Task, TrainSettings
+from agents.settings import ANEW, ImitationSettings, Task, TrainSettings
 from agents.train import merit, validate
 from baselines.ending import ended, refusal
-from baselines.provenance import command
+from baselines.provenance import command, read_json
 from satid_gym.config import check_number, check_whole
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
@@ -69,12 +70,26 @@ def _training(policy: LearnedPolicy) -> Task:
         raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
 
 
+def _origin(run: Path) -> dict[str, Any]:
+    """What a run's folder says of how it came to be; nothing where its policy says it itself.
+
+    Raises:
+        ValueError: the folder's notes are damaged.
+    """
+    notes, names = run / "run.json", ("command", "revision", "versions")
+    if not notes.exists():
+        return {}
+    head = read_json(notes, ANEW, keys=names)
+    return {name: head[name] for name in names}
+
+
 def main() -> int:
     """Print the spread and the choice; the exit code."""
     options = tyro.cli(Options, description=__doc__)
     with refusal():
         policies = options.policies()
         trained = [_training(policy) for policy in policies]
+        origins = [_origin(run) for run in options.runs]
         satellites = [satellite.name for satellite in trained[0].satellites]
         if any([satellite.name for satellite in settings.satellites] != satellites for settings in trained):
             raise ValueError("the runs were trained for different satellites: choose among runs of one setting")
@@ -90,6 +105,7 @@ def main() -> int:
     print(f"best by final and mean error: {options.runs[best]}")
     if options.ship:
         policy = policies[best]
+        policy.details["trained"] = {**origins[best], **policy.details["trained"]}
         policy.details |= {"validation": rows[best], "validation_episodes": options.episodes}
         policy.details["shipped_by"] = command("agents.choose")
         policy.save(PRETRAINED / policy.name)

@@ -188,7 +188,7 @@ def main() -> int:
     """Run the comparison that the command line asks for; the exit code."""
     comparison = tyro.cli(Comparison, description=__doc__)
     start = time.perf_counter()
-    learned: list[Policy] = list(shipped())
+    learned: list[Policy] = list(shipped(comparison.scenario))
     with refusal():
         comparison.check(learned)
     check_writable(comparison.output)

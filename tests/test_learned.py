@@ -10,7 +10,7 @@ import torch
 
 from agents.export import TOLERANCE, export, torch_network
 from agents.learned import LearnedPolicy, Network
-from agents.policies import find
+from agents.policies import find, shipped
 from baselines.rate_loop import RateLoop
 from satid_gym import SATELLITES
 from satid_gym.evaluation import fly, seeds
@@ -158,3 +158,9 @@ def test_the_exported_network_equals_torch(tmp_path):
     assert 0.0 < seconds < 0.1
     props = {p.key: p.value for p in onnx.load(tmp_path / "x.onnx").metadata_props}
     assert props == {"control": "rate", "margin": "2.4", "include_covariance": "False"}
+
+
+def test_a_policy_trained_in_another_scenario_flies_in_that_one_alone():
+    assert [policy.name for policy in shipped()] == ["generalist", "ppo"]
+    assert [policy.name for policy in shipped("tight")] == ["generalist", "ppo"]
+    assert [policy.name for policy in shipped("adaptive")] == ["generalist", "generalist_adaptive", "ppo"]

@@ -154,6 +154,8 @@ def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp
     policy = LearnedPolicy.load(shipped / lively.name)
     assert policy.margin == 3.1
     assert policy.details["validation_episodes"] == 6
+    head = json.loads((copy / "run.json").read_text())
+    assert all(policy.details["trained"][name] == head[name] for name in ("command", "revision", "versions"))
     expected = train.validate(policy, TrainSettings.from_dict(policy.details["trained"]["settings"]), 6)
     assert policy.details["validation"] == expected
 
