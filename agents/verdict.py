@@ -1,7 +1,8 @@
 """Hold the learned policies against what is asked of them: `python -m agents.verdict`.
 
 Reads what `python -m agents.compare` wrote (and, where it is there, `--scenario tight`) and flies one satellite that
-no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short.
+no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short. With `--scenario adaptive`
+the same of the results in that scenario.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from satid_gym.config import check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.profiles import PROFILES
+from satid_gym.scenario import SCENARIOS
 
 Record = Mapping[str, Any]
 Claim = tuple[str, str, bool]  # what is asked, what was found, whether it holds
@@ -147,13 +149,13 @@ def tight_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
     ]
 
 
-def unseen_claims(policy: str, episodes: int) -> list[Claim]:
+def unseen_claims(policy: str, episodes: int, scenario: str = "default") -> list[Claim]:
     """The claim on a satellite between cubesat and smallsat; what is tuned is tuned for it on tuning seeds."""
-    rivals = [build("rate_square", tune("rate_square", UNSEEN).settings), build("mpc", {})]
-    ratios = []
+    rivals = [build("rate_square", tune("rate_square", UNSEEN, scenario).settings), build("mpc", {})]
+    world, ratios = benchmark_scenario(scenario), []
     for mode in INERTIA_MODES:
         own, *others = (
-            fly(pilot, satellite=UNSEEN, inertia=mode, seeds=seeds("test", episodes), scenario=benchmark_scenario())
+            fly(pilot, satellite=UNSEEN, inertia=mode, seeds=seeds("test", episodes), scenario=world)
             .scores()["final_error"]
             .mean()
             for pilot in (find(policy), *rivals)
@@ -166,7 +168,7 @@ def unseen_claims(policy: str, episodes: int) -> list[Claim]:
 
 TEACHER = MPCPolicy.name  # of the policies that agents.imitate makes
 _KEYS = ("records", "pairs", "efficiencies")
-REMEDY = "run python -m agents.compare (with --scenario tight for the second file)"
+REMEDY = "run python -m agents.compare (with --scenario NAME for that of another scenario)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +178,9 @@ class Options:
     policies: tuple[str, ...] = ("generalist",)
     """Learned policies to judge, which the results must have."""
     results: Path = Path("results")
-    """Folder with compare.json and compare_tight.json."""
+    """Folder with compare.json and compare_tight.json, or with the file of the scenario."""
+    scenario: str = "default"
+    """Scenario to judge in; the claims on "tight" belong to the default one."""
     episodes: int = 100
     """Episodes of each inertia mode on the unseen satellite."""
 
@@ -184,7 +188,9 @@ class Options:
 def main() -> int:
     """Print every claim with its figures; the exit code."""
     options = tyro.cli(Options, description=__doc__)
-    file = options.results / "compare.json"
+    with refusal():
+        check_names("scenario", (options.scenario,), SCENARIOS)
+    file = options.results / ("compare.json" if options.scenario == "default" else f"compare_{options.scenario}.json")
     results = read_json(file, REMEDY, keys=_KEYS)
     records = results["records"]
     tight = options.results / "compare_tight.json"
@@ -193,12 +199,13 @@ def main() -> int:
     with refusal():
         check_names("learned policy", options.policies, learned)
     for policy in options.policies:
-        claims, needed = benchmark_claims(results, policy), {"": needed_efficiency(results, policy)}
-        if tight.is_file():
+        claims = benchmark_claims(results, policy)
+        needed = {"": needed_efficiency(results, policy)} if results["efficiencies"] else {}
+        if options.scenario == "default" and tight.is_file():
             narrow = read_json(tight, REMEDY, keys=_KEYS)
             claims += tight_claims(narrow, policy)
             needed["tight: "] = needed_efficiency(narrow, policy)
-        claims += unseen_claims(policy, options.episodes)
+        claims += unseen_claims(policy, options.episodes, options.scenario)
         for asked, found, holds in claims:
             print(f"{'holds' if holds else 'SHORT':5s}  {policy}: {asked}: {found}")
             held = held and holds

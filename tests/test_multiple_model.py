@@ -12,6 +12,7 @@ from test_consistency import square_wave
 from test_filters import DT, assert_equal_filters, fly, run_slowly
 
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym.core import kernels
 from satid_gym.estimators import AdaptiveEKF, AdaptiveEKFSettings, FilterpyAdaptiveEKF, MomentumEKF
 from satid_gym.interface import INFO_KEYS
 from satid_gym.laws import INERTIA_MODES
@@ -53,6 +54,15 @@ def test_weights_are_probabilities_that_start_alike(microsat):
     np.testing.assert_array_equal(series[0], 0.25)
     np.testing.assert_allclose(series.sum(axis=1), 1.0, rtol=1e-12)
     assert (series > 0.0).all()
+
+
+def test_started_again_it_is_not_broken(microsat):
+    readings = fly(microsat, "static", seconds=1)
+    ekf = AdaptiveEKF()
+    ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    ekf._rows["broken"] = 1
+    kernels.start_filter(ekf._rows, ekf._models, ekf._work, readings.gyro[0], readings.wheel_speed[0])
+    assert ekf._rows["broken"][0] == 0
 
 
 @pytest.mark.compiled

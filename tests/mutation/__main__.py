@@ -53,7 +53,14 @@ TESTS: dict[str, tuple[str, ...]] = {
 }
 GROUPS = {
     "physics": ("core/algebra", "core/dynamics", "core/sensors", "core/generator", "core/faults", "laws"),
-    "filter": ("core/momentum_filter", "core/rate_filter", "core/kalman", "core/vetting", "bounds"),
+    "filter": (
+        "core/momentum_filter",
+        "core/multiple_model",
+        "core/rate_filter",
+        "core/kalman",
+        "core/vetting",
+        "bounds",
+    ),
     "reward": ("core/reward", "core/observation", "metrics"),
 }
 
