@@ -47,7 +47,7 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, tuple | list):
-        return " to ".join(shown(v) for v in value)
+        return (" to " if len(value) == 2 else ", ").join(shown(v) for v in value)
     if isinstance(value, Mapping):
         return ", ".join(v if k == "name" else f"{k}: {shown(v)}" for k, v in value.items()) or "1"  # no factors
     return str(value)

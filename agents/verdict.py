@@ -93,7 +93,7 @@ def clearly_behind(results: Mapping[str, Any], policy: str) -> int:
 
 
 def benchmark_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
-    """The claims on the twelve cells of the default scenario."""
+    """The claims on the twelve cells of a scenario."""
     records = results["records"]
     mean, apart, first = [], [], []
     mine = [cell[policy] for cell in cells(records)]

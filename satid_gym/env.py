@@ -105,7 +105,7 @@ over the rate limit, less 0.96, where positive |
     | inertia_true, inertia_estimate | (3, 3) kg m^2 |
     | relative_error | Frobenius norm of their difference over that of the truth |
     | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when honest |
-    | nis | normalised innovation squared of the last update, per degree of freedom |
+    | nis | normalised innovation squared of the last update, per degree of freedom; mean of the AdaptiveEKF's models |
     | information_gain, information_held | nats of this decision, and since before launch |
     | cost | share of the decision's samples with a true rate outside the limit (as in Safety-Gymnasium) |
     | effort | mean square of the action |

@@ -23,7 +23,7 @@ class Mission:
     Attributes:
         satellite: nominal, with the limits and sensors it is operated with.
         prior_inertia: (3, 3) mean of the filter's prior, kg m^2.
-        scenario: the world.
+        scenario: the world; its estimator is the filter that is flown.
         layout: names and places of the observation's parts.
     """
 
@@ -35,7 +35,7 @@ class Mission:
 
 def missions(problem: Problem) -> list[Mission]:
     """One mission for each satellite of a problem."""
-    scenario = problem.scenario
+    scenario = problem.scenario.replace(estimator=problem.estimator.to_dict())
     places = problem.layout
     return [
         Mission(

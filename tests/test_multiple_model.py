@@ -13,10 +13,17 @@ from test_filters import DT, assert_equal_filters, fly, run_slowly
 
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.core import kernels
-from satid_gym.estimators import AdaptiveEKF, AdaptiveEKFSettings, FilterpyAdaptiveEKF, MomentumEKF
+from satid_gym.estimators import (
+    AdaptiveEKF,
+    AdaptiveEKFSettings,
+    FilterpyAdaptiveEKF,
+    MomentumEKF,
+    estimator_settings,
+)
 from satid_gym.interface import INFO_KEYS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
+from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
 
 
@@ -143,29 +150,49 @@ def test_a_state_restored_goes_on_alike():
         np.testing.assert_array_equal(env.step(action)[0], expected)
 
 
+BLIND = {
+    "name": "faults",
+    "faults": {"time": (0.1, 0.1), "gyro_dropout": 1.0, "gyro_dropout_silent": 0.0, "gyro_dropout_duration": (40, 40)},
+}  # from 30 s to 70 s the gyro says that it has no reading
+
+
 def test_without_a_gyro_reading_it_predicts_alone():
-    """Flagged readings are not given to the filter: its uncertainty grows, its weights tend to their prior."""
-    scenario = {
-        "name": "faults",
-        "estimator": "adaptive",
-        "faults": {
-            "time": (0.3, 0.3),
-            "gyro_dropout": 1.0,
-            "gyro_dropout_silent": 0.0,
-            "gyro_dropout_duration": (40, 40),
-        },
-    }
-    env = SatInertiaIDEnv(inertia="static", scenario=scenario)
+    """Its uncertainty grows, and its weights tend to their prior as fast as models are drawn anew."""
+    dwell = 30.0
+    env = SatInertiaIDEnv(inertia="static", scenario=BLIND, estimator={"name": "adaptive", "dwell": dwell})
     env.reset(seed=0)
     part = env.layout["uncertainty"]
     rng = np.random.default_rng(0)
-    spread = []
-    for _ in range(120):
+    spread, weights = [], []
+    for _ in range(75):
         observation, *_ = env.step(rng.uniform(-0.2, 0.2, 3).astype(np.float32))
         spread.append(observation[part])
-    spread = np.array(spread)
-    assert (np.diff(spread[91:125], axis=0) > 0.0).all()
-    assert spread[-1].min() > spread[88].max()
+        weights.append(env._models["weight"][0].copy())
+    blind = slice(31, 69)
+    assert (np.diff(spread[blind], axis=0) > 0.0).all()
+    apart = np.array(weights[blind]) - 0.25
+    np.testing.assert_allclose(apart[1:], np.exp(-1.0 / dwell) * apart[:-1], rtol=1e-9)
+    assert np.abs(apart).max() > 0.1
+
+
+def test_without_a_gyro_reading_it_is_filterpys():
+    settings = {"inertia": "static", "scenario": BLIND, "max_episode_steps": 300}
+    compiled = SatInertiaIDEnv(estimator={"name": "adaptive", "dwell": 30.0}, **settings)
+    plugged = SatInertiaIDEnv(estimator=FilterpyAdaptiveEKF(dwell=30.0), **settings)
+    for env in (compiled, plugged):
+        env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-0.2, 0.2, (75, 3)).astype(np.float32)
+    for action in actions:
+        (a, ra, *_), (b, rb, *_) = compiled.step(action), plugged.step(action)
+        np.testing.assert_allclose(a, b, rtol=2.0**-20, atol=1e-7)
+        assert ra == pytest.approx(rb, rel=1e-7, abs=1e-7)
+
+
+def test_planners_are_told_of_the_filter_that_is_flown():
+    for estimator in ("adaptive", {"name": "momentum", "inertia_walk": 0.001}):
+        (mission,) = missions(SatInertiaIDEnv(estimator=estimator).problem)
+        told = estimator_settings(mission.scenario.estimator)
+        assert told == estimator_settings(estimator)
 
 
 @pytest.mark.parametrize(

@@ -211,14 +211,14 @@ def test_what_is_returned_is_a_copy():
 
 @pytest.fixture
 def flying() -> SatInertiaIDVectorEnv:
-    env = SatInertiaIDVectorEnv(4)
+    env = SatInertiaIDVectorEnv(4, estimator="adaptive")
     env.reset(seed=0)
     env.step(actions(1, 4) * 0.1)
     return env
 
 
 def state_of(env: SatInertiaIDVectorEnv) -> bytes:
-    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observations)
+    records = (env._plants, env._beliefs, env._models, env._tasks, env._reports, env._observations)
     generators = [g.bit_generator.state for g in env.np_random]
     return b"".join(record.tobytes() for record in records) + repr((generators, env.np_random_seed)).encode()
 

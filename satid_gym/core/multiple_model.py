@@ -1,9 +1,9 @@
 """Interacting multiple models: a bank of MomentumEKFs, alike but for how fast the inertia may walk.
 
-One of the K models is taken to hold; after `dwell` seconds on average another takes over, any of them alike. A model
-starts from the mixture of the estimates by which it may have come to hold, and its weight w goes with the likelihood
-of the reading. The belief is mean and covariance of the mixture of all. As a change may lead to any model, the
-mixture that a model starts from is one of its own estimate and of the belief:
+One of the K models is taken to hold; every `dwell` seconds on average it is drawn anew, all K alike, the present one
+among them. A model starts from the mixture of the estimates by which it may have come to hold, and its weight w goes
+with the likelihood of the reading. The belief is mean and covariance of the mixture of all. As any model may be drawn,
+the mixture that a model starts from is one of its own estimate and of the belief:
 
     c_k = (1 - a) w_k + a / K,   its own share (1 - a) w_k / c_k,   a = 1 - exp(-dt / dwell)
 

@@ -140,7 +140,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("outage", _I),  # samples for which neither the gyro nor a stuck tachometer had anything to say
             ("torque_max", _F, n),
             # where the belief is one of several models, see core.multiple_model
-            ("dwell", _F),  # mean time between two changes of model, s
+            ("dwell", _F),  # mean time after which the model is drawn anew, s
             ("weight", _F),  # probability of the model
             ("evidence", _F),  # its logarithm after the last reading, up to a constant
         ],

@@ -167,6 +167,8 @@ class MomentumEKF(CompiledEKF):
 class AdaptiveEKF(CompiledEKF):
     """MomentumEKFs of several inertia walks as interacting multiple models; the state is their mixture's.
 
+    What `update` returns is the models' mean by weight, `guarded` that of the model with the most.
+
     Args:
         **settings: fields of `AdaptiveEKFSettings`.
     """

@@ -53,14 +53,13 @@ class FilterpyAdaptiveEKF(Reference):
             ekf.reset(briefing, gyro, wheel_speed)
             models.append(_Model(ekf))
         self.filter = IMMEstimator(models, np.ones(len(models)), np.eye(len(models)))
-        self._dt = 0.0
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
-        if dt != self._dt:
-            count, stay = self.filter.N, np.exp(-dt / self.settings.dwell)
-            chances = stay * np.eye(count) + (1.0 - stay) / count
-            self.filter, self._dt = IMMEstimator(self.filter.filters, self.filter.mu, chances), dt
+        count, stay = self.filter.N, np.exp(-dt / self.settings.dwell)
+        chances = stay * np.eye(count) + (1.0 - stay) / count
+        # a new one each time: it thinks of the chances where it is made or updated, and not every step has an update
+        self.filter = IMMEstimator(self.filter.filters, self.filter.mu, chances)
         self.filter.mu = self.filter.cbar.copy()  # by these weights the predictions are mixed
         self.filter.predict((wheel_speed, dt))
 

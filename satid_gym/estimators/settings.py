@@ -201,7 +201,7 @@ class AdaptiveEKFSettings(Config):
         name: "adaptive".
         parameters: "principal" or "full".
         inertia_walks: of each model, random walk of each moment relative to its prior, per sqrt(s), the slowest first.
-        dwell: mean time for which one model holds, s.
+        dwell: mean time after which the model that holds is drawn anew, s; all are alike, the present one among them.
         disturbance_walk: as for the MomentumEKF.
         substeps: midpoint steps between two readings.
     """

@@ -169,7 +169,7 @@ def refuses_actions(env: SatInertiaIDEnv, chance: Random) -> None:
         Violation: one was taken, refused for another reason or left something changed.
     """
     n = env.action_space.shape[0]
-    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observation)
+    records = (env._plants, env._beliefs, env._models, env._tasks, env._reports, env._observation)
     before = b"".join(record.tobytes() for record in records)
     wrong = [np.nan, np.inf, -np.inf, 1e39]
     spoilt: list[Any] = [np.where(np.arange(n) == chance.randrange(n), value, 0.0) for value in wrong]
