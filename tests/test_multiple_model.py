@@ -17,7 +17,9 @@ from satid_gym.estimators import (
     AdaptiveEKF,
     AdaptiveEKFSettings,
     FilterpyAdaptiveEKF,
+    FilterpyMomentumEKF,
     MomentumEKF,
+    brief,
     estimator_settings,
 )
 from satid_gym.interface import INFO_KEYS
@@ -25,6 +27,7 @@ from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
 from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
+from satid_gym.scenario import SCENARIOS
 
 
 def weights(ekf: AdaptiveEKF, readings) -> np.ndarray:
@@ -44,6 +47,23 @@ def test_a_short_flight_is_filterpys(settings, microsat):
     readings = fly(microsat, "static", seconds=12)
     run = AdaptiveEKF(**settings).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
     assert_equal_filters(run, run_slowly(FilterpyAdaptiveEKF(**settings), readings), 1e-8)
+
+
+def test_a_filter_without_models_is_left_alone(microsat):
+    readings = fly(microsat, "static", seconds=12)
+    run = MomentumEKF().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    assert_equal_filters(run, run_slowly(FilterpyMomentumEKF(), readings))
+
+
+def test_a_wild_reading_is_guarded_and_counted(microsat):
+    ekf = AdaptiveEKF()
+    ekf.reset(brief(microsat, SCENARIOS["default"]), (0.02, 0.02, 0.02), (50.0, -50.0, 50.0))
+    ekf.predict((-150.0, -250.0, -150.0), DT)
+    assert ekf.guarded == 0
+    ekf.update((30.0, -30.0, 30.0), (-150.0, -250.0, -150.0))
+    ekf._models["guarded"][0, 0] += 2
+    ekf.predict((-150.0, -250.0, -150.0), DT)
+    assert ekf.guarded == 3
 
 
 def test_models_that_are_alike_are_one_filter(microsat):
