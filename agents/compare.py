@@ -29,6 +29,7 @@ from agents.policies import shipped
 from agents.report import write_report
 from agents.report.curves import error_bands, rounded
 from agents.report.episode import episode_cell, fly_episode, protagonists
+from agents.report.page import file_names
 from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
@@ -172,13 +173,12 @@ def _matches(policies: Sequence[Policy], scores: Mapping[str, Scores]) -> list[t
 
 def write(results: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the results as JSON and their records as CSV; the paths written."""
-    scenario = results["settings"]["scenario"]
-    stem = "compare" if scenario == "default" else f"compare_{scenario}"
+    file = folder / file_names(results["settings"]["scenario"])["results"]
     table = io.StringIO()
     writer = csv.DictWriter(table, fieldnames=list(results["records"][0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(results["records"])
-    paths = [folder / f"{stem}.json", folder / f"{stem}.csv"]
+    paths = [file, file.with_suffix(".csv")]
     write_json(paths[0], results)
     write_text(paths[1], table.getvalue())
     return paths

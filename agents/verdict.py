@@ -17,6 +17,7 @@ import numpy as np
 import tyro
 
 from agents.policies import find
+from agents.report.page import file_names
 from baselines.ending import ended, refusal
 from baselines.mpc import MPCPolicy
 from baselines.provenance import read_json
@@ -149,7 +150,7 @@ def tight_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
     ]
 
 
-def unseen_claims(policy: str, episodes: int, scenario: str = "default") -> list[Claim]:
+def unseen_claims(policy: str, episodes: int, scenario: str) -> list[Claim]:
     """The claim on a satellite between cubesat and smallsat; what is tuned is tuned for it on tuning seeds."""
     rivals = [build("rate_square", tune("rate_square", UNSEEN, scenario).settings), build("mpc", {})]
     world, ratios = benchmark_scenario(scenario), []
@@ -190,10 +191,10 @@ def main() -> int:
     options = tyro.cli(Options, description=__doc__)
     with refusal():
         check_names("scenario", (options.scenario,), SCENARIOS)
-    file = options.results / ("compare.json" if options.scenario == "default" else f"compare_{options.scenario}.json")
+    file = options.results / file_names(options.scenario)["results"]
     results = read_json(file, REMEDY, keys=_KEYS)
     records = results["records"]
-    tight = options.results / "compare_tight.json"
+    tight = options.results / file_names("tight")["results"]
     held = True
     learned = list(dict.fromkeys(r["policy"] for r in records if r["kind"] == "learned"))
     with refusal():

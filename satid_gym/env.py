@@ -32,6 +32,8 @@ from satid_gym.satellite import Satellite
 if TYPE_CHECKING:
     from satid_gym.rendering import History
 
+_COORDINATES = ("momentum", "rate")  # of an estimator that is an object
+
 
 class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """A satellite with reaction wheels finds out its own, time-varying inertia by the torques it chooses.
@@ -166,6 +168,8 @@ over the rate limit, less 0.96, where positive |
         settings: Any = estimator
         if is_estimator(estimator):
             kind = {name: getattr(estimator, name, None) for name in ("coordinates", "parameters")}
+            if kind["coordinates"] not in _COORDINATES:
+                raise unknown_name("coordinates of the estimator", kind["coordinates"], _COORDINATES)
             settings = estimator_settings({"name": kind["coordinates"], "parameters": kind["parameters"]})
         self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance)
         self._templates = build_templates(self.problem)

@@ -469,6 +469,14 @@ def test_a_plugged_in_filter_gives_what_the_compiled_one_gives(foreign, own, set
                 assert x[4][key] == pytest.approx(y[4][key], rel=1e-7, abs=1e-8), key
 
 
+@pytest.mark.parametrize("coordinates", ["adaptive", "momenta", None])
+def test_a_plugged_in_filter_in_unknown_coordinates_is_refused(coordinates):
+    estimator = MomentumEKF()
+    estimator.coordinates = coordinates
+    with pytest.raises(ValueError, match="unknown coordinates of the estimator"):
+        SatInertiaIDEnv(estimator=estimator)
+
+
 def test_an_unscented_filter_can_be_plugged_in():
     env = SatInertiaIDEnv(estimator=FilterpyMomentumUKF())
     env.reset(seed=0)
