@@ -136,9 +136,8 @@ class Planner:
             (N, 3) sum of the difference over the next `ahead` decisions, over the plan's mean error.
         """
         plans = plans[:, :ahead]
-        trials = np.repeat(
-            plans[:, None], 7, axis=1
-        )  # the plan, then each axis the other way: now, and until it reverses
+        # the plan, then each axis the other way: now, and until it reverses
+        trials = np.repeat(plans[:, None], 7, axis=1)
         held = np.logical_and.accumulate(plans == plans[:, :1], axis=1)
         for k in range(3):
             trials[:, 1 + k, 0, k] *= -1.0
