@@ -29,7 +29,7 @@ from satid_gym.core.algebra import (
     store,
     subtract,
 )
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import DRIFT, PERIODIC, STEP
 
 _AT_LIMIT = 1e-11  # relative to the speed limit
@@ -143,7 +143,7 @@ def _rate_of(inertia, free, momentum, wheels):
     return multiply(inverse(axpy_symmetric(-1.0, free, inertia)), subtract(momentum, wheels))
 
 
-@inline
+@outline
 def set_speeds(plant):
     """Write rate and wheel speed from the momenta at plant.time."""
     wheels = sum_wheels(plant.axes, plant.wheel_momentum)
@@ -175,7 +175,7 @@ def set_momenta(plant):
     store(plant.momentum, momentum)
 
 
-@inline
+@outline
 def _slopes(plant, free, t, m, q, wheels):
     """dM/dt and dq/dt of the state (M, q); `free` is A j A^T and `wheels` A h of the wheels."""
     inertia = inertia_at(plant, t)
@@ -196,7 +196,7 @@ def _axpy4(k, a, b):
     return k * a[0] + b[0], k * a[1] + b[1], k * a[2] + b[2], k * a[3] + b[3]
 
 
-@inline
+@outline
 def _rk4(plant, torque, h):
     """(M, q, A h) after h seconds of constant motor torque, by the classical Runge-Kutta method, and its drift.
 
@@ -236,7 +236,7 @@ def _at_limit(plant, k):
     return abs(plant.wheel_speed[k]) >= plant.wheel_speed_max[k] * (1.0 - _AT_LIMIT)
 
 
-@inline
+@outline
 def _hold_or_release(plant, torque, stay):
     """Lock the wheels at their limit that the motor pushes outward, release those it pulls back."""
     near = False
@@ -276,7 +276,7 @@ def _overspeed(plant, torque, h, m, wheels):
     return worst
 
 
-@inline
+@outline
 def _until_limit(plant, torque, h, over):
     """The time in (0, h) at which the first wheel reaches its limit, by the Illinois method."""
     low, high = 0.0, h
@@ -320,7 +320,7 @@ def _limit_speeds(plant):
         set_speeds(plant)
 
 
-@inline
+@outline
 def advance(plant, torque, duration):
     """Move the plant on by `duration` seconds of constant motor torque (n,), already within its limit.
 

@@ -12,7 +12,7 @@ from satid_gym.core import faults, multiple_model, rate_filter
 from satid_gym.core.algebra import factor, mahalanobis, store_symmetric
 from satid_gym.core.dynamics import inertia_at, spin_momentum, travel
 from satid_gym.core.generator import draw_plant
-from satid_gym.core.jit import inline, kernel
+from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.kalman import estimated_inertia
 from satid_gym.core.observation import observe, rate_to_go_by
 from satid_gym.core.random import uniform
@@ -23,7 +23,7 @@ from satid_gym.core.sensors import drive_motors, read_sensors, walk_gyro_bias
 NEXT_STEP, SAME_STEP, DISABLED, BEGIN = range(4)
 
 
-@inline
+@outline
 def command(plant, task, work, report, action):
     """Turn an action (n,) into the motor torque of the decision, and clear the tallies."""
     effort = 0.0
@@ -43,7 +43,7 @@ def command(plant, task, work, report, action):
         report.peak_rate[i] = 0.0
 
 
-@inline
+@outline
 def sample(plant, task, work, report):
     """Move the truth on by one sample period and read the sensors."""
     dt = task.sample_period
@@ -125,7 +125,7 @@ def start_belief(belief, bank, work, gyro, tachometer):
         rate_filter.start(belief, gyro, tachometer)
 
 
-@inline
+@outline
 def assess(plant, belief, work, report):
     """Hold the belief against the truth: for info and evaluation, never for reward or observation."""
     p = belief.prior_theta.shape[0]
@@ -149,7 +149,7 @@ def assess(plant, belief, work, report):
     report.time = plant.time
 
 
-@inline
+@outline
 def conclude(plant, belief, task, work, report, observation):
     """End a decision: reward, end of episode, assessment, observation."""
     task.decision += 1
@@ -222,7 +222,8 @@ def _begin_row(i, draws, templates, plants, beliefs, models, tasks, work, report
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
     plants[i] = templates[0][row]
     beliefs[i] = templates[1][row]
-    models[i] = templates[2][row]
+    for k in range(models.shape[1]):
+        models[i, k] = templates[2][row, k]
     tasks[i] = templates[3][row]
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
     bank = bank_of(beliefs, models, i)

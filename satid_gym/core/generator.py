@@ -12,7 +12,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
 )
 from satid_gym.core.dynamics import set_momenta, set_speeds, to_body
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import between, normal, uniform
 from satid_gym.core.records import PERIODIC, STATIC, STEP
 
@@ -115,7 +115,7 @@ def _draw_faults(draw, plant):
             plant.gyro_bias[i] += draw.bias_std * normal(stream)
 
 
-@inline
+@outline
 def draw_plant(draw, plant):
     """Turn the nominal `plant` into a drawn one, by its own stream; False where no inertia is physical.
 

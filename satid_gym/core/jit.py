@@ -1,9 +1,15 @@
 """How the core is compiled.
 
-Small functions carry `@inline`: they are compiled into whatever calls them. The few kernels that Python
-calls carry `@kernel`: they release the GIL and are cached on disk. Numba's cache looks at the file of the
-kernel alone, so an edit of a function that the kernel calls would go unseen; every kernel therefore closes
-over a fingerprint of the whole core's source, which is part of numba's cache key.
+The few functions that Python calls are kernels, `@kernel`: they release the GIL and are cached on disk. What they call
+is compiled into them: small functions, `@inline`, into whatever calls them, larger ones, `@outline`, once into each
+kernel, or the compiler would be busy with copies for twice as long. Both are compiled as parts: numba would optimise
+each by itself, with all that it calls, and make it executable, which takes as long again and serves nobody.
+
+Results must not depend on who compiled what first. LLVM may therefore not choose: where a function is inlined here and
+called there, a kernel from the cache is linked with others than one that was just compiled, and their last bits differ.
+
+Numba's cache looks at the file of the kernel alone, so an edit of a function that the kernel calls would go unseen;
+every kernel therefore closes over a fingerprint of the whole core's source, which is part of numba's cache key.
 
 Numba also numbers the files of its cache, and two processes that compile at once may give one number to two kernels;
 here a file is named by what it holds.
@@ -21,8 +27,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from llvmlite.binding import Linkage
 from numba import config, njit
 from numba.core.caching import IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
 
 _FLAGS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
@@ -39,12 +49,79 @@ SOURCE_FINGERPRINT = _fingerprint()
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """Compile a small pure function; LLVM has to inline it into the kernel that calls it.
+    """Compile a small function into whatever calls it."""
+    return _part(function, _Inlined)
 
-    Left to choose, it keeps some as functions, and a kernel from the cache is then linked with others than one that
-    was just compiled: results would differ in their last bit.
-    """
-    return njit(forceinline=True, **_FLAGS)(function)
+
+def outline(function: Callable[..., Any]) -> Any:
+    """Compile a larger function into every kernel that calls it, once."""
+    return _part(function, _Outlined)
+
+
+def _part(function: Callable[..., Any], pipeline: type[Compiler]) -> Any:
+    if config.DISABLE_JIT:
+        return function
+    flags = {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **_FLAGS}
+    return _Part(function, targetoptions={"forceinline": pipeline is _Inlined, **flags}, pipeline_class=pipeline)
+
+
+class _Part(CPUDispatcher):
+    """Compiles a function for those that call it. Python may call it as well: it is then compiled anew, as a whole."""
+
+    def add_overload(self, cres: Any) -> None:
+        """Keep the compiled part where other functions find it, and Python does not."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
+        return njit(**_FLAGS)(self.py_func)
+
+
+class _PartLibrary(JITCodeLibrary):
+    """Code of a part and of all it calls, as it came from the front end."""
+
+    @property
+    def codegen(self) -> Any:
+        """Itself: who makes a function executable asks here."""
+        return self
+
+    def set_env(self, name: str, env: Any) -> None:
+        """Nothing: the environment is that of the kernel."""
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """None: Python does not call it."""
+        return 0
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _OutlinedLibrary(_PartLibrary):
+    """The same, with the part itself never to be inlined."""
+
+    def _finalize_final_module(self) -> None:
+        for function in self.get_defined_functions():
+            if function.linkage == Linkage.external:  # what it calls was linked as linkonce_odr
+                function.add_function_attribute("noinline")
+        super()._finalize_final_module()
+
+
+class _Inlined(Compiler):
+    """Numba's compiler, which leaves a part as it comes from the front end."""
+
+    library = _PartLibrary
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile it, to a library of its own kind."""
+        self.state.library = self.library(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)
+
+
+class _Outlined(_Inlined):
+    library = _OutlinedLibrary
 
 
 def kernel(build: Callable[[str], Callable[..., Any]]) -> Any:

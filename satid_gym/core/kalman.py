@@ -13,7 +13,7 @@ from satid_gym.core.algebra import (
     axpy_symmetric,
     is_positive_definite,
 )
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 
 _FLOOR = 0.05  # of the prior inertia: below it an estimate is not believed
 _MOST_HALVINGS = 40
@@ -82,7 +82,7 @@ def propagate(belief, work, dt):
         covariance[i, i] += belief.walk[i] ** 2 * dt
 
 
-@inline
+@outline
 def update(belief, work, rows, support):
     """Condition on the whitened measurements in work.rows and work.innovation, one scalar at a time.
 
@@ -160,8 +160,10 @@ def _move_mean(belief, work):
 def start_theta(belief):
     """Mean and covariance before the first reading: theta at its prior, everything else zero."""
     p = belief.prior_theta.shape[0]
-    belief.mean[:] = 0.0
-    belief.covariance[:, :] = 0.0
+    for i in range(belief.mean.shape[0]):
+        belief.mean[i] = 0.0
+        for j in range(belief.mean.shape[0]):
+            belief.covariance[i, j] = 0.0
     for k in range(p):
         belief.mean[3 + k] = belief.prior_theta[k]
         belief.covariance[3 + k, 3 + k] = belief.prior_theta_std[k] ** 2

@@ -30,7 +30,7 @@ from satid_gym.core.algebra import (
     subtract,
 )
 from satid_gym.core.dynamics import wheel_axis
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.kalman import (
     estimated_inertia,
     propagate,
@@ -66,7 +66,7 @@ def start(belief, work, gyro, tachometer):
     _start_momentum(belief, work, gyro)
 
 
-@inline
+@outline
 def _start_momentum(belief, work, gyro):
     """M = J omega + a of one reading, with what is known of theta and with nothing of M before."""
     p = belief.prior_theta.shape[0]
@@ -74,8 +74,7 @@ def _start_momentum(belief, work, gyro):
     inertia = estimated_inertia(belief)
     store(belief.mean, add(multiply(inertia, omega), a))
     covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
-    identity[:, :] = 0.0
-    identity[0, 0] = identity[1, 1] = identity[2, 2] = 1.0
+    store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, omega, regressor)
     s2 = belief.gyro_std**2
     noise = congruence(inertia, (s2, s2, s2, 0.0, 0.0, 0.0))
@@ -110,7 +109,7 @@ def _write_slope_jacobian(momentum, omega, flexibility, work, slot):
     jacobian[2, 1] -= x
 
 
-@inline
+@outline
 def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p = belief.prior_theta.shape[0]
@@ -212,7 +211,7 @@ def condition(belief, work, gyro):
     return nis
 
 
-@inline
+@outline
 def _update(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
     p = belief.prior_theta.shape[0]
@@ -250,7 +249,7 @@ def _beyond(rate, spin, noise):
     return rate if rate * rate > _NOTHING**2 * spin * (1.0 - spin / noise) else 0.0
 
 
-@inline
+@outline
 def _linearise(belief, work, gyro):
     """Whitened rows and innovation of the gyro reading about the filter's mean.
 

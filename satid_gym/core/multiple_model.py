@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core import momentum_filter
+from satid_gym.core.algebra import load, store
 from satid_gym.core.jit import inline
 
 
@@ -88,14 +89,16 @@ def _mix(belief, bank, dt):
 def _combine(belief, bank):
     """Mean and covariance of the models' mixture."""
     size, guarded = belief.mean.shape[0], 0
-    belief.mean[:] = 0.0
+    for i in range(size):
+        belief.mean[i] = 0.0
+        for j in range(size):
+            belief.covariance[i, j] = 0.0
     for k in range(bank.shape[0]):
         guarded = max(guarded, bank[k].guarded)
         for i in range(size):
             belief.mean[i] += bank[k].weight * bank[k].mean[i]
     belief.guarded = guarded
-    belief.wheel_input[:] = bank[0].wheel_input
-    belief.covariance[:, :] = 0.0
+    store(belief.wheel_input, load(bank[0].wheel_input))
     for k in range(bank.shape[0]):
         model = bank[k]
         for i in range(size):

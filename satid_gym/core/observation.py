@@ -6,7 +6,7 @@ import numpy as np
 
 from satid_gym.core import momentum_filter
 from satid_gym.core.algebra import add, cross, inverse, load, multiply
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.kalman import estimated_inertia
 from satid_gym.core.records import MOMENTUM
 
@@ -57,7 +57,7 @@ def filter_rate(belief):
     return momentum_filter.rate(belief) if belief.kind == MOMENTUM else load(belief.mean)
 
 
-@inline
+@outline
 def observe(belief, task, gyro, tachometer, out):
     """Write the observation, in the order of `layout`."""
     p, n = belief.prior_theta.shape[0], tachometer.shape[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 
 _LAYERS = 128
 _TAIL = 3.442619855899  # where the base layer's tail begins
@@ -35,7 +35,7 @@ def _rotl(x, k):
     return (x << np.uint64(k)) | (x >> np.uint64(64 - k))
 
 
-@inline
+@outline
 def next_word(stream):
     """Next 64 random bits of the stream (4,), which moves on."""
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
@@ -63,7 +63,7 @@ def uniform(stream):
     return _fraction(next_word(stream))
 
 
-@inline
+@outline
 def normal(stream):
     """Standard normal deviate."""
     while True:

@@ -20,7 +20,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
 )
 from satid_gym.core.dynamics import along_axis
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.kalman import (
     estimated_inertia,
     propagate,
@@ -34,7 +34,7 @@ from satid_gym.core.momentum_filter import wheel_momentum
 _IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 
 
-@inline
+@outline
 def start(belief, gyro, tachometer):
     """First mean and covariance: the first reading, and the prior variances."""
     start_theta(belief)
@@ -48,7 +48,7 @@ def start(belief, gyro, tachometer):
         belief.covariance[3 + p + k, 3 + p + k] = belief.prior_std[1] ** 2
 
 
-@inline
+@outline
 def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later, by one Euler step."""
     p, n = belief.prior_theta.shape[0], tachometer.shape[0]
@@ -101,7 +101,7 @@ def predict(belief, work, tachometer, dt):
     propagate(belief, work, dt)
 
 
-@inline
+@outline
 def condition(belief, work, gyro, tachometer):
     """Update with gyro (3,) and tachometer (n,); normalised innovation squared, 3 + n degrees of freedom."""
     for i in range(3):
@@ -110,7 +110,7 @@ def condition(belief, work, gyro, tachometer):
     return update(belief, work, 3 + tachometer.shape[0], belief.mean.shape[0])
 
 
-@inline
+@outline
 def condition_wheels(belief, work, tachometer):
     """Update with tachometer (n,) alone; normalised innovation squared, n degrees of freedom."""
     _write_wheel_rows(belief, work, 0, tachometer)

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import factor, largest_eigenvalue
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import LOGDET, TRACE
 
 
-@inline
+@outline
 def spread(belief, work, criterion):
     """Uncertainty of theta in nats, 0 for the prior; NaN and belief.broken = 1 where P is not positive."""
     p = belief.prior_theta.shape[0]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core import faults
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import normal
 
 
-@inline
+@outline
 def read_sensors(plant):
     """Write gyro (3,) and tachometer (n,) readings at plant.time."""
     silent, stuck = faults.gyro_dropped(plant), faults.stuck_tachometer(plant)
