@@ -16,6 +16,7 @@ from satid_gym.estimators.protocol import Estimator, is_estimator
 from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
 from satid_gym.foreign import ForeignFilter
 from satid_gym.interface import (
+    ARRAYS,
     BROKEN,
     DRAW_FAILED,
     FLAGS,
@@ -309,7 +310,8 @@ over the rate limit, less 0.96, where positive |
         return failed > 0
 
     def _info(self) -> dict[str, Any]:
-        report = self._reports[0]
+        report = dict(zip(self._reports.dtype.names or (), self._reports.item(), strict=True))
         info = {key: report[key] for key in INFO_KEYS}
-        info = {k: v.copy() if isinstance(v, np.ndarray) else v.item() for k, v in info.items()}
-        return info | {key: info[key].astype(bool) for key in FLAGS}
+        for key in ARRAYS:
+            info[key] = info[key].astype(bool if key in FLAGS else np.float64)  # a copy
+        return info
