@@ -27,7 +27,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llvmlite.binding import Linkage
 from numba import config, njit
 from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
@@ -102,11 +101,12 @@ class _PartLibrary(JITCodeLibrary):
 class _OutlinedLibrary(_PartLibrary):
     """The same, with the part itself never to be inlined."""
 
-    def _finalize_final_module(self) -> None:
-        for function in self.get_defined_functions():
-            if function.linkage == Linkage.external:  # what it calls was linked as linkonce_odr
-                function.add_function_attribute("noinline")
-        super()._finalize_final_module()
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take in the part's code."""
+        for function in ir_module.functions:
+            if not function.is_declaration:
+                function.attributes.add("noinline")
+        super().add_ir_module(ir_module)
 
 
 class _Inlined(Compiler):
