@@ -11,10 +11,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from satid_gym.metrics import MOST_BEYOND, beyond_envelope
+
 Record = Mapping[str, Any]
 
 WIDTH = 100
-MOST_OUTSIDE = 0.01  # of the time; only who keeps it can be best
 
 
 def print_comparison(
@@ -63,8 +64,12 @@ def error_table(
 
 def best_error(records: Iterable[Record]) -> float | None:
     """The lowest final error among the policies that keep to the envelope; None where none does."""
-    kept = (r["final_error_mean"] for r in records if r["outside_fraction"] <= MOST_OUTSIDE)
-    return min(kept, default=None)
+    return min((r["final_error_mean"] for r in records if keeps_envelope(r)), default=None)
+
+
+def keeps_envelope(record: Record) -> bool:
+    """Whether a policy is beyond the envelope for at most 1 % of the time; only then can it be best."""
+    return beyond_envelope(record["outside_fraction"], record["saturated_fraction"]) <= MOST_BEYOND
 
 
 def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:

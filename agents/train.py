@@ -36,9 +36,9 @@ from agents.settings import Task, TrainSettings, named
 from baselines.ending import ended
 from baselines.provenance import PART, revision, versions, write_json, write_text
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.metrics import MOST_BEYOND
 
 CURVE_FIELDS = ("steps", "seconds", "satellite", "reward", "final_error", "mean_error", "outside_fraction", "nees")
-MOST_OUTSIDE = 0.01  # a policy that is outside the envelope for longer is not chosen
 
 
 class ExcitationPPO(PPO):
@@ -89,7 +89,7 @@ def merit(rows: list[dict[str, Any]]) -> float:
     """Lower is better: geometric mean of final and mean error over satellites, and first to stay inside."""
     errors = [row[name] for row in rows for name in ("final_error", "mean_error")]
     outside = max(row["outside_fraction"] for row in rows)
-    return float(np.exp(np.mean(np.log(errors)))) * max(1.0, outside / MOST_OUTSIDE)
+    return float(np.exp(np.mean(np.log(errors)))) * max(1.0, outside / MOST_BEYOND)
 
 
 def summary(rows: list[dict[str, Any]]) -> str:

@@ -18,6 +18,7 @@ import tyro
 
 from agents.policies import find
 from agents.report.page import file_names
+from agents.tables import keeps_envelope
 from baselines.ending import ended, refusal
 from baselines.mpc import MPCPolicy
 from baselines.provenance import read_json
@@ -51,7 +52,7 @@ def cells(records: Sequence[Record]) -> Iterator[dict[str, Record]]:
 
 def inside(records: Sequence[Record]) -> list[Record]:
     """Those that keep to the envelope; all of them where none does."""
-    return [r for r in records if r["outside_fraction"] <= 0.01] or list(records)
+    return [r for r in records if keeps_envelope(r)] or list(records)
 
 
 def _largest(values: Sequence[float], least: float, form: str = "{:.3f}") -> tuple[str, bool]:

@@ -20,7 +20,7 @@ from tqdm import tqdm
 from baselines.ending import ended, refusal
 from baselines.open_loop_optimal import DESIGNED_AS, DESIGNS, OpenLoopOptimalPolicy, planned_rates
 from baselines.provenance import check_writable, command, revision, versions, write_json
-from baselines.tune import Trial, attempt, best
+from baselines.tune import Trial, attempt, best, judge
 from satid_gym.bounds import Course, posterior_bound
 from satid_gym.config import check_names, check_number, check_whole
 from satid_gym.estimators.settings import MomentumEKFSettings, brief
@@ -124,10 +124,9 @@ def fit(dwell: list[list[int]], satellite: Satellite, scenario: str, episodes: i
     trials = []
     for fraction in FRACTIONS:
         policy = OpenLoopOptimalPolicy(dwell, fraction)
-        scores = fly(policy, scenario=benchmark_scenario(scenario), **cell).scores()  # type: ignore[arg-type]
-        error, outside = float(scores["final_error"].mean()), float(scores["outside_fraction"].mean())
-        trials.append(Trial(settings={"fraction": fraction}, final_error=error, outside_fraction=outside))
-    return best(trials, attempt("zero", {}, satellite, scenario, episodes=episodes).outside_fraction)
+        flight = fly(policy, scenario=benchmark_scenario(scenario), **cell)  # type: ignore[arg-type]
+        trials.append(judge({"fraction": fraction}, flight))
+    return best(trials, attempt("zero", {}, satellite, scenario, episodes=episodes).beyond)
 
 
 def run(design: Design) -> dict[str, Any]:
@@ -147,6 +146,7 @@ def run(design: Design) -> dict[str, Any]:
                 **chosen.settings,
                 "final_error": chosen.final_error,
                 "outside_fraction": chosen.outside_fraction,
+                "saturated_fraction": chosen.saturated_fraction,
                 "inside": chosen.inside,
                 "dwell": dwell,
             }

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.stats
 
 FINAL_FRACTION = 0.2  # the paper's window
+MOST_BEYOND = 0.01  # of the time; who is beyond the envelope for longer does not keep to it
 _FEW = 20  # episodes below which Student's t alone gives the interval
 SETTLING = 10.0  # s after a step of the inertia that consistency leaves out
 
@@ -36,6 +37,16 @@ def consistency(nees: np.ndarray, time: np.ndarray, step_time: float | None = No
     if step_time is not None:
         keep = (time < step_time) | (time > step_time + SETTLING)
     return np.nanmean(nees[keep], axis=0)
+
+
+def beyond_envelope(outside_fraction: float, saturated_fraction: float) -> float:
+    """Share of the time beyond the envelope: outside the rate limit or, where that is more, at the wheel speed limit.
+
+    Args:
+        outside_fraction: share of the time with a body rate outside its limit.
+        saturated_fraction: share of time and wheels at the speed limit.
+    """
+    return max(outside_fraction, saturated_fraction)
 
 
 def iqm(values: np.ndarray, axis: int = -1) -> np.ndarray:
