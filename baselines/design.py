@@ -28,7 +28,7 @@ from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 
-FRACTIONS = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]  # of the rate limit
+FRACTIONS = [0.05, 0.065, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]  # of the rate limit
 
 
 @dataclass(frozen=True, kw_only=True)
