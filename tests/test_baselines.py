@@ -197,8 +197,8 @@ def test_unknown_names_and_settings_are_refused():
         build("rate_square", {"period": 0.0, "margin": 2.0})
 
 
-def trial(error, outside):
-    return Trial(settings={}, final_error=error, outside_fraction=outside)
+def trial(error, outside, saturated=0.0):
+    return Trial(settings={}, final_error=error, outside_fraction=outside, saturated_fraction=saturated)
 
 
 def test_the_rule_that_chooses():
@@ -208,6 +208,13 @@ def test_the_rule_that_chooses():
     assert best([accurate, near, nearer, least], 0.05) is near  # none inside: at most 1 % more than idle
     assert best([accurate, near, nearer, least], 0.0) is least  # none near: least outside
     assert (better.inside, near.inside) == (True, False)
+
+
+def test_wheels_at_their_limit_are_beyond_the_envelope():
+    held, free, least = trial(0.001, 0.002, 0.3), trial(0.004, 0.002, 0.01), trial(0.005, 0.001, 0.04)
+    assert best([held, free, least], 0.0) is free
+    assert best([held, least], 0.0) is least
+    assert (held.inside, free.inside) == (False, True)
 
 
 def test_the_papers_amplitudes_are_not_tuned():
@@ -222,7 +229,7 @@ def test_stored_settings_keep_the_rule():
         for scenario in SCENARIOS:
             for satellite in SATELLITES:
                 entry = tuned_entry(name, satellite, scenario)
-                assert entry["inside"] == (entry["outside_fraction"] <= 0.01)
+                assert entry["inside"] == (max(entry["outside_fraction"], entry["saturated_fraction"]) <= 0.01)
                 tried = [s for row in grid(name, SATELLITES[satellite], scenario) for s in row]
                 assert entry["settings"] in tried
 

@@ -1,9 +1,47 @@
-"""The compiler's cache, for what numba's own leaves open."""
+"""How the core is compiled: its parts, and the compiler's cache for what numba's own leaves open."""
 
+import numpy as np
 import pytest
 
 from satid_gym.core import kernels
-from satid_gym.core.jit import NamedByContent
+from satid_gym.core.jit import NamedByContent, inline, kernel, outline
+
+
+@inline
+def doubled(x):
+    return 2.0 * x
+
+
+@outline
+def doubled_sum(values):
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += doubled(values[i])
+    return total
+
+
+def _build_both(fingerprint):
+    def both(values):
+        fingerprint  # noqa: B018
+        return doubled_sum(values) + doubled(doubled_sum(values[1:]))
+
+    return both
+
+
+@pytest.mark.compiled
+def test_an_outlined_function_is_in_a_kernel_once_and_an_inlined_one_not_at_all():
+    both = kernel(_build_both)
+    assert both(np.array([1.0, 2.0, 3.0])) == 32.0
+    (compiled,) = both.overloads.values()
+    names = [f.name for f in compiled.library.get_defined_functions()]
+    assert [sum(part.__name__ + "B" in name for name in names) for part in (doubled, doubled_sum)] == [0, 1]
+
+
+def test_python_may_call_a_part():
+    for _ in range(2):  # before and after kernels have taken it in
+        assert doubled(3.0) == 6.0
+        assert doubled_sum(np.array([1.0, 2.0])) == 6.0
+        assert kernel(_build_both)(np.array([1.0, 2.0])) == 14.0
 
 
 def test_processes_that_save_at_once_do_not_take_each_others_files(tmp_path):

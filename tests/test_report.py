@@ -264,6 +264,8 @@ RESULTS = {
     "records": [
         entry("wild", "reference", "static", 0.001, outside=0.5),
         entry("wild", "reference", "step", 0.001, outside=0.5),
+        entry("held", "scripted", "static", 0.001, saturated_fraction=0.5),
+        entry("held", "scripted", "step", 0.001, saturated_fraction=0.5),
         entry("sine", "scripted", "static", 0.002),
         entry("sine", "scripted", "step", 0.006, time_to_1pct_s=None),
         entry("net", "learned", "static", 0.003, outside=0.01),
@@ -279,8 +281,9 @@ RESULTS = {
 
 def test_leaderboard_by_hand():
     static = leaderboard(RESULTS, "s", "static")
-    assert [row["policy"] for row in static] == ["wild", "sine", "net", "bound"]
-    assert [row["policy"] for row in static if row["best"]] == ["sine"]  # who is outside half of the time cannot be
+    assert [row["policy"] for row in static] == ["wild", "held", "sine", "net", "bound"]
+    assert [row["policy"] for row in static if row["best"]] == ["sine"]  # who is beyond it half of the time cannot be
+    assert [row["inside"] for row in static[:-1]] == [False, False, True, True]
     mean = leaderboard(RESULTS, "s", ALL_MODES)
     assert [row["policy"] for row in mean if row["best"]] == ["net"]
     by_name = {row["policy"]: row for row in mean}

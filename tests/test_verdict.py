@@ -95,6 +95,14 @@ def test_saturated_wheels_are_seen():
     assert list(claims.values()) == [True, False]
 
 
+def test_a_profile_that_holds_wheels_at_their_limit_is_not_the_best():
+    records = cell()
+    records[0] |= {"final_error_mean": 0.004, "saturated_fraction": 0.5}
+    assert list(held(tight_claims(results(records), "own")).values()) == [True, True]
+    records[0] |= {"saturated_fraction": 0.01}
+    assert list(held(tight_claims(results(records), "own")).values()) == [False, True]
+
+
 def test_the_unseen_satellite_lies_between_those_trained_on():
     small, large = SATELLITES["cubesat"], SATELLITES["smallsat"]
     for i in range(3):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.tables import best_error
+from agents.tables import best_error, keeps_envelope
 
 Record = Mapping[str, Any]
 
@@ -37,8 +37,8 @@ def leaderboard(results: Mapping[str, Any], satellite: str, mode: str) -> list[d
             modes share their seeds.
 
     Returns:
-        One mapping for each policy with its scores, and `best` where no policy that keeps to the envelope has a
-        lower final error. Times that one of the modes never reaches, and NEES that it does not have, are None.
+        One mapping for each policy with its scores, `inside` where it keeps to the envelope, and `best` where no
+        other that does has a lower final error. Times that one of the modes never reaches, and NEES that it does not have, are None.
     """
 
     def chosen(name: str) -> list[Record]:
@@ -55,7 +55,8 @@ def leaderboard(results: Mapping[str, Any], satellite: str, mode: str) -> list[d
         row |= {name: _mean([e for e in reached if e["policy"] == policy], name) for name in _REACHED}
         rows.append(row)
     least = best_error(rows)
-    rows = [row | {"best": row["final_error_mean"] == least} for row in rows]
+    rows = [row | {"inside": keeps_envelope(row)} for row in rows]
+    rows = [row | {"best": row["inside"] and row["final_error_mean"] == least} for row in rows]
     limits = [
         {"policy": name, "kind": "bound", "final_error_mean": _mean(mine, "final_error"), "best": False}
         for name in dict.fromkeys(b["policy"] for b in chosen("bounds"))

@@ -29,7 +29,7 @@ function showHeatmap() {
       const row = find(name, cell);
       if (row.kind === "bound") return make("td", {}, percent(row.final_error_mean));
       const { back, text } = cividis(place(row.final_error_mean));
-      const star = row.outside_fraction > MOST_OUTSIDE ? "*" : "";
+      const star = row.inside ? "" : "*";
       const weight = row.best ? "font-weight:700;text-decoration:underline" : "";
       const style = `background:${back};color:${text};${weight}`;
       return make("td", { style }, percent(row.final_error_mean) + star);

@@ -64,7 +64,8 @@ const COLUMNS = [
   {
     key: "saturated_fraction",
     label: "satu-\nrated %",
-    meaning: "Share of the time that a wheel spends at its speed limit, where it can give no torque one way.",
+    meaning: "Share of the time that a wheel spends at its speed limit, where it can give no torque one way. Only who stays " +
+      "at 1 % or less can be best.",
     cell: plain("saturated_fraction", (value) => (100 * value).toFixed(2)),
   },
   {
@@ -166,7 +167,7 @@ function showHeadline() {
   const error = (row) => `${row.policy} ${percent(row.final_error_mean)}\u00a0%`;
   const parts = [best ? `Lowest final error inside the envelope: ${error(best)}.` : "No policy keeps to the envelope."];
   const learned = policies.find((row) => row.kind === "learned");
-  const scripted = policies.find((row) => row.kind === "scripted");
+  const scripted = policies.find((row) => row.kind === "scripted" && row.inside);
   if (learned && learned !== best) parts.push(`Learned: ${error(learned)}.`);
   if (scripted && scripted !== best) parts.push(`Best scripted: ${error(scripted)}.`);
   byId("headline").textContent = parts.join(" ");
@@ -176,7 +177,8 @@ function showHeadline() {
     (chosen.mode === "all"
       ? "Means over the inertia modes, without intervals, for the modes share their seeds. "
       : "In brackets 95 % intervals over episodes. ") +
-    "Bold: lowest final error among the policies that are outside the rate limits at most 1 % of the time. " +
+    "Bold: lowest final error among the policies that are outside the rate limits, and have wheels at theirs, at most " +
+    "1 % of the time. " +
     "The heads of the columns sort.";
 }
 
