@@ -72,6 +72,11 @@ def keeps_envelope(record: Record) -> bool:
     return beyond_envelope(record["outside_fraction"], record["saturated_fraction"]) <= MOST_BEYOND
 
 
+def inside(records: Sequence[Record]) -> list[Record]:
+    """Those that keep to the envelope; all of them where none does."""
+    return [r for r in records if keeps_envelope(r)] or list(records)
+
+
 def behaviour_table(satellite: str, records: Sequence[Record], policies: Sequence[str]) -> Table:
     """Mean over the inertia modes of what else counts."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=f"{satellite}: mean over inertia modes")

@@ -18,7 +18,7 @@ import tyro
 
 from agents.policies import find
 from agents.report.page import file_names
-from agents.tables import keeps_envelope
+from agents.tables import inside
 from baselines.ending import ended, refusal
 from baselines.mpc import MPCPolicy
 from baselines.provenance import read_json
@@ -48,11 +48,6 @@ def cells(records: Sequence[Record]) -> Iterator[dict[str, Record]]:
     """The records of each cell by policy."""
     for key in dict.fromkeys((r["satellite"], r["inertia_mode"]) for r in records):
         yield {r["policy"]: r for r in records if (r["satellite"], r["inertia_mode"]) == key}
-
-
-def inside(records: Sequence[Record]) -> list[Record]:
-    """Those that keep to the envelope; all of them where none does."""
-    return [r for r in records if keeps_envelope(r)] or list(records)
 
 
 def _largest(values: Sequence[float], least: float, form: str = "{:.3f}") -> tuple[str, bool]:

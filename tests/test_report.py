@@ -264,8 +264,8 @@ RESULTS = {
     "records": [
         entry("wild", "reference", "static", 0.001, outside=0.5),
         entry("wild", "reference", "step", 0.001, outside=0.5),
-        entry("held", "scripted", "static", 0.001, saturated_fraction=0.5),
-        entry("held", "scripted", "step", 0.001, saturated_fraction=0.5),
+        entry("held", "reference", "static", 0.001, saturated_fraction=0.5),
+        entry("held", "reference", "step", 0.001, saturated_fraction=0.5),
         entry("sine", "scripted", "static", 0.002),
         entry("sine", "scripted", "step", 0.006, time_to_1pct_s=None),
         entry("net", "learned", "static", 0.003, outside=0.01),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from agents.report.curves import rounded
+from agents.tables import inside
 from baselines.recording import Recording, record
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
@@ -29,13 +30,14 @@ def episode_cell(satellites: Sequence[str], modes: Sequence[str]) -> tuple[str, 
 def protagonists(records: Sequence[Record]) -> list[str]:
     """Names of the policies to show, of the records of one cell: the best scripted, and the best learned.
 
-    Where no learned policy flew, the best closed loop stands in for it. Where only one of the two sides flew,
-    it is shown alone; where neither did, the best of all is.
+    Who does not keep to the envelope is best only where no other of its kind does. Where no learned policy flew, the
+    best closed loop stands in for it. Where only one of the two sides flew, it is shown alone; where neither did, the
+    best of all is.
     """
     kinds = {kind: [r for r in records if r["kind"] == kind] for kind in ("learned", "closed_loop")}
     scripted = [r for r in records if r["policy"] in PROFILES]
     groups = [group for group in (scripted, kinds["learned"] or kinds["closed_loop"]) if group] or [[*records]]
-    return [min(group, key=lambda r: r["final_error_mean"])["policy"] for group in groups]
+    return [min(inside(group), key=lambda r: r["final_error_mean"])["policy"] for group in groups]
 
 
 def fly_episode(

@@ -38,7 +38,8 @@ def leaderboard(results: Mapping[str, Any], satellite: str, mode: str) -> list[d
 
     Returns:
         One mapping for each policy with its scores, `inside` where it keeps to the envelope, and `best` where no
-        other that does has a lower final error. Times that one of the modes never reaches, and NEES that it does not have, are None.
+        other that does has a lower final error. Times that one of the modes never reaches, and NEES that it does not
+        have, are None.
     """
 
     def chosen(name: str) -> list[Record]:
