@@ -35,7 +35,7 @@ def _rotl(x, k):
     return (x << np.uint64(k)) | (x >> np.uint64(64 - k))
 
 
-@outline
+@inline
 def next_word(stream):
     """Next 64 random bits of the stream (4,), which moves on."""
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
@@ -57,7 +57,7 @@ def _fraction(word):
     return np.float64((word >> np.uint64(11)) | np.uint64(1)) * 2.0**-53
 
 
-@inline
+@outline
 def uniform(stream):
     """Uniform on (0, 1), 52 bits, never 0 or 1."""
     return _fraction(next_word(stream))
