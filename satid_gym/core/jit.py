@@ -2,11 +2,11 @@
 
 The few functions that Python calls are kernels, `@kernel`: they release the GIL and are cached on disk. What they call
 is compiled into them: small functions, `@inline`, into whatever calls them, larger ones, `@outline`, once into each
-kernel, or the compiler would be busy with copies for twice as long. Both are compiled as parts: numba would optimise
-each by itself, with all that it calls, and make it executable, which takes as long again and serves nobody.
+kernel, since the compiler takes its time over every copy. Both are parts: by itself numba would optimise each, with all
+that it calls, and make it executable, which takes longer than the kernels do and serves nobody.
 
-Results must not depend on who compiled what first. LLVM may therefore not choose: where a function is inlined here and
-called there, a kernel from the cache is linked with others than one that was just compiled, and their last bits differ.
+Results must not depend on who compiled what first. LLVM may therefore not choose what to inline: a kernel from the
+cache might be linked with functions that were compiled otherwise than its own, and the last bits would differ.
 
 Numba's cache looks at the file of the kernel alone, so an edit of a function that the kernel calls would go unseen;
 every kernel therefore closes over a fingerprint of the whole core's source, which is part of numba's cache key.

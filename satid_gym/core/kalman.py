@@ -157,13 +157,19 @@ def _move_mean(belief, work):
 
 
 @inline
-def start_theta(belief):
-    """Mean and covariance before the first reading: theta at its prior, everything else zero."""
-    p = belief.prior_theta.shape[0]
+def clear(belief):
+    """Mean and covariance zero."""
     for i in range(belief.mean.shape[0]):
         belief.mean[i] = 0.0
         for j in range(belief.mean.shape[0]):
             belief.covariance[i, j] = 0.0
+
+
+@inline
+def start_theta(belief):
+    """Mean and covariance before the first reading: theta at its prior, everything else zero."""
+    p = belief.prior_theta.shape[0]
+    clear(belief)
     for k in range(p):
         belief.mean[3 + k] = belief.prior_theta[k]
         belief.covariance[3 + k, 3 + k] = belief.prior_theta_std[k] ** 2

@@ -19,6 +19,7 @@ import numpy as np
 from satid_gym.core import momentum_filter
 from satid_gym.core.algebra import load, store
 from satid_gym.core.jit import inline
+from satid_gym.core.kalman import clear
 
 
 @inline
@@ -89,10 +90,7 @@ def _mix(belief, bank, dt):
 def _combine(belief, bank):
     """Mean and covariance of the models' mixture."""
     size, guarded = belief.mean.shape[0], 0
-    for i in range(size):
-        belief.mean[i] = 0.0
-        for j in range(size):
-            belief.covariance[i, j] = 0.0
+    clear(belief)
     for k in range(bank.shape[0]):
         guarded = max(guarded, bank[k].guarded)
         for i in range(size):
