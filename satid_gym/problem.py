@@ -174,7 +174,8 @@ class Templates:
 def build_templates(p: Problem, inertia: np.ndarray | None = None) -> Templates:
     """Templates of a problem; a true `inertia` (3,) or (3, 3) takes the place of the drawn one."""
     rows = [_template(p, satellite, inertia) for satellite in p.satellites]
-    draws, plants, beliefs, models, tasks = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    columns = zip(*rows, strict=True)
+    draws, plants, beliefs, models, tasks = (np.concatenate(parts).view(parts[0].dtype) for parts in columns)
     tasks["template"] = np.arange(len(tasks))
     return Templates(p.satellites, draws, plants, beliefs, models, tasks)
 

@@ -522,3 +522,16 @@ def test_problem_is_what_was_asked_for():
     assert env.problem != problem("cubesat", "step", "tight", "rate", {"net": True}, 50)
     assert env.problem.scenario.decisions == 50
     assert (env.problem.scenario.name, env.problem.estimator.name) == ("tight", "rate")
+
+
+@pytest.mark.parametrize("estimator", ["momentum", "adaptive", "rate"])
+def test_environments_share_their_dtypes(estimator):
+    """Numba would compare at length, in every call, a dtype that is only equal to one it has seen."""
+    one, other = (SatInertiaIDEnv("cubesat", estimator=estimator) for _ in range(2))
+    many = SatInertiaIDVectorEnv(2, satellite="random", estimator=estimator)
+    for name in ("_plants", "_beliefs", "_models", "_tasks", "_work", "_reports"):
+        assert getattr(one, name).dtype is getattr(other, name).dtype
+        if name != "_work":
+            assert getattr(one, name).dtype is getattr(many, name).dtype
+    for record in ("draws", "plants", "beliefs", "models", "tasks"):
+        assert getattr(one._templates, record).dtype is getattr(many._templates, record).dtype

@@ -5,9 +5,14 @@ see the true inertia. `task` holds what the episode asks for, `report` what the 
 the distributions an episode is drawn from, `work` scratch space (one a thread).
 n: wheels; p: inertia parameters (3 principal moments, or 6 with the products xy, xz, yz); size: filter state.
 All in SI units and the body frame unless said otherwise.
+
+There is one dtype object of each kind and size: numba knows one that it has seen by identity, and takes as long as two
+decisions to compare one that is but equal. numpy gives what it joins a new one, so what is joined is viewed as the old.
 """
 
 from __future__ import annotations
+
+import functools
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -30,6 +35,7 @@ def _wheels(n: int) -> list[Field]:
     ]
 
 
+@functools.cache
 def plant_dtype(n: int) -> np.dtype:
     """Truth: wheels, body, environment, sensors, and the random stream that moves them."""
     return np.dtype(
@@ -100,6 +106,7 @@ def _faults(n: int) -> list[Field]:
     ]
 
 
+@functools.cache
 def belief_dtype(n: int, p: int, size: int) -> np.dtype:
     """Belief: what the filter was told before launch, and its state.
 
@@ -148,6 +155,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
     )
 
 
+@functools.cache
 def task_dtype(n: int) -> np.dtype:
     """What the episode asks for: timing, envelope, reward, normalisation of the observation."""
     return np.dtype(
@@ -178,6 +186,7 @@ def task_dtype(n: int) -> np.dtype:
     )
 
 
+@functools.cache
 def report_dtype(n: int) -> np.dtype:
     """What the last decision gave; the source of reward and info."""
     return np.dtype(
@@ -208,6 +217,7 @@ def report_dtype(n: int) -> np.dtype:
     )
 
 
+@functools.cache
 def draw_dtype() -> np.dtype:
     """How a satellite's episodes depart from its templates, the records of plant, belief and task."""
     return np.dtype(
@@ -241,6 +251,7 @@ def draw_dtype() -> np.dtype:
     )
 
 
+@functools.cache
 def work_dtype(n: int, p: int, size: int) -> np.dtype:
     """Scratch space of one thread."""
     wide = max(size, 3)

@@ -65,7 +65,8 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
 def new_models(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
     """(1, K) beliefs of the models that the filter's belief is the mixture of; K = 0 where it has none."""
     if isinstance(settings, AdaptiveEKFSettings):
-        return np.stack([new_belief(briefing, settings.model(walk)) for walk in settings.inertia_walks], axis=1)
+        models = [new_belief(briefing, settings.model(walk)) for walk in settings.inertia_walks]
+        return np.stack(models, axis=1).view(models[0].dtype)
     return new_belief(briefing, settings)[:, None][:, :0]
 
 
