@@ -199,7 +199,7 @@ def main() -> int:
     first, count = results["seeds"]["first"], results["seeds"]["count"]
     print_comparison(
         results["records"],
-        f"bold: lowest among those at most 1 % of the time beyond the envelope (rates or wheel speeds at their limit)\n"
+        f"bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds\n"
         f"bound: root mean square error that no estimator beats under any excitation inside the envelope; ideal: "
         f"this filter's if all samples told as much as the envelope allows; efficiency: bound / achieved\n"
         f"{results['command']}, revision {results['revision']}, scenario {comparison.scenario}, "

@@ -43,7 +43,17 @@ from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.satellite import Satellite
 
-CURVE_FIELDS = ("round", "decisions", "seconds", "satellite", "final_error", "mean_error", "outside_fraction", "nees")
+CURVE_FIELDS = (
+    "round",
+    "decisions",
+    "seconds",
+    "satellite",
+    "final_error",
+    "mean_error",
+    "outside_fraction",
+    "saturated_fraction",
+    "nees",
+)
 Answers = tuple[np.ndarray, np.ndarray]  # observations (D, size) and advantages of the plus side (D, 3)
 _CLOCKS = (3, 6, 10, 15, 22, 30)  # decisions before the end at which units of the first layer begin to switch
 _HEAVIEST = 10.0  # weight of a decision, over the mean

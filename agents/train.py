@@ -36,9 +36,19 @@ from agents.settings import Task, TrainSettings, named
 from baselines.ending import ended
 from baselines.provenance import PART, revision, versions, write_json, write_text
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
-from satid_gym.metrics import MOST_BEYOND
+from satid_gym.metrics import MOST_BEYOND, beyond_envelope
 
-CURVE_FIELDS = ("steps", "seconds", "satellite", "reward", "final_error", "mean_error", "outside_fraction", "nees")
+CURVE_FIELDS = (
+    "steps",
+    "seconds",
+    "satellite",
+    "reward",
+    "final_error",
+    "mean_error",
+    "outside_fraction",
+    "saturated_fraction",
+    "nees",
+)
 
 
 class ExcitationPPO(PPO):
@@ -86,10 +96,10 @@ def validate(policy: LearnedPolicy, settings: Task, episodes: int) -> list[dict[
 
 
 def merit(rows: list[dict[str, Any]]) -> float:
-    """Lower is better: geometric mean of final and mean error over satellites, and first to stay inside."""
+    """Lower is better: geometric mean of final and mean error over satellites, and first to keep to the envelope."""
     errors = [row[name] for row in rows for name in ("final_error", "mean_error")]
-    outside = max(row["outside_fraction"] for row in rows)
-    return float(np.exp(np.mean(np.log(errors)))) * max(1.0, outside / MOST_BEYOND)
+    beyond = max(beyond_envelope(row["outside_fraction"], row["saturated_fraction"]) for row in rows)
+    return float(np.exp(np.mean(np.log(errors)))) * max(1.0, beyond / MOST_BEYOND)
 
 
 def summary(rows: list[dict[str, Any]]) -> str:

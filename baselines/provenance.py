@@ -23,8 +23,13 @@ class DamagedFileError(ValueError):
 
 
 def command(module: str) -> str:
-    """The command line of this process, as a user would type it."""
-    return shlex.join(["python", "-m", module, *sys.argv[1:]])
+    """The command line of this process, as a user would type it; of absolute paths the last name alone."""
+    return shlex.join(["python", "-m", module, *map(_portable, sys.argv[1:])])
+
+
+def _portable(argument: str) -> str:
+    option, sign, value = argument.rpartition("=")
+    return f"{option}{sign}{Path(value).name}" if Path(value).is_absolute() else argument
 
 
 def revision() -> str:

@@ -16,7 +16,6 @@ from satid_gym.estimators.protocol import Estimator, is_estimator
 from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
 from satid_gym.foreign import ForeignFilter
 from satid_gym.interface import (
-    ARRAYS,
     BROKEN,
     DRAW_FAILED,
     FLAGS,
@@ -312,6 +311,7 @@ over the rate limit, less 0.96, where positive |
     def _info(self) -> dict[str, Any]:
         report = dict(zip(self._reports.dtype.names or (), self._reports.item(), strict=True))
         info = {key: report[key] for key in INFO_KEYS}
-        for key in ARRAYS:
-            info[key] = info[key].astype(bool if key in FLAGS else np.float64)  # a copy
+        for key, value in info.items():
+            if isinstance(value, np.ndarray):
+                info[key] = value.astype(bool) if key in FLAGS else value.copy()
         return info

@@ -30,7 +30,6 @@ INFO_KEYS = (
     "rejected",
     "faults",
 )
-ARRAYS = ("inertia_true", "inertia_estimate", "saturated", "torque_applied", "faults")  # keys whose values are arrays
 FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
 
 

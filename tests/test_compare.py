@@ -206,6 +206,19 @@ def test_what_cannot_be_compared_is_one_line_and_exit_code_2(line, message, caps
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (["--episodes", "5", "--output", "results/x"], "--episodes 5 --output results/x"),
+        (["--output", "/somewhere/of one/file.json"], "--output file.json"),
+        (["--output=/somewhere/file.json", "--name=a=b"], "--output=file.json --name=a=b"),
+    ],
+)
+def test_a_command_names_no_place_of_this_machine(line, said, monkeypatch):
+    monkeypatch.setattr(provenance.sys, "argv", ["compare.py", *line])
+    assert provenance.command("agents.compare") == f"python -m agents.compare {said}"
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "compare.json"
     provenance.write_json(path, {"old": 1})

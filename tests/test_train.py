@@ -133,9 +133,10 @@ def test_the_command_line_ends_with_one_line(arguments):
 
 
 def test_better_policies_have_lower_merit():
-    row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005}
+    row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005, "saturated_fraction": 0.0}
     assert train.merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
     assert train.merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * train.merit([row]))
+    assert train.merit([{**row, "saturated_fraction": 0.02}]) == pytest.approx(2 * train.merit([row]))
 
 
 def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp_path, monkeypatch, capsys):

@@ -56,8 +56,9 @@ def leaderboard(results: Mapping[str, Any], satellite: str, mode: str) -> list[d
         row |= {name: _mean([e for e in reached if e["policy"] == policy], name) for name in _REACHED}
         rows.append(row)
     least = best_error(rows)
-    rows = [row | {"inside": keeps_envelope(row)} for row in rows]
-    rows = [row | {"best": row["inside"] and row["final_error_mean"] == least} for row in rows]
+    for row in rows:
+        row["inside"] = keeps_envelope(row)
+        row["best"] = row["inside"] and row["final_error_mean"] == least
     limits = [
         {"policy": name, "kind": "bound", "final_error_mean": _mean(mine, "final_error"), "best": False}
         for name in dict.fromkeys(b["policy"] for b in chosen("bounds"))

@@ -13,6 +13,7 @@ from typing import Any
 
 from agents.report.leaderboard import ALL_MODES, leaderboard
 from baselines.provenance import read_json, write_text
+from satid_gym.metrics import MOST_BEYOND
 
 ASSETS = Path(__file__).parent / "assets"
 SCRIPTS = ("page.js", "leaderboard.js", "charts.js", "heatmap.js", "episode.js", "flight.js", "main.js")
@@ -87,6 +88,7 @@ def page_data(results: Mapping[str, Any], curves: Mapping[str, Any]) -> dict[str
         "provenance": {name: results[name] for name in ("command", "revision", "seeds", "versions", "settings")},
         "satellites": satellites,
         "modes": modes,
+        "most_beyond": MOST_BEYOND,
         "policies": [{"name": name, "kind": kind} for name, kind in policies],
         "shown": first_shown(results),
         "cells": {

@@ -6,8 +6,8 @@ the distributions an episode is drawn from, `work` scratch space (one a thread).
 n: wheels; p: inertia parameters (3 principal moments, or 6 with the products xy, xz, yz); size: filter state.
 All in SI units and the body frame unless said otherwise.
 
-There is one dtype object of each kind and size: numba knows one that it has seen by identity, and takes as long as two
-decisions to compare one that is but equal. numpy gives what it joins a new one, so what is joined is viewed as the old.
+There is one dtype object of each kind and size: numba knows one that it has seen by identity, and in every call
+compares at length one that is only equal. numpy gives what it joins a new one, so what is joined is viewed as the old.
 """
 
 from __future__ import annotations

@@ -222,7 +222,7 @@ const shortNumber = (value) => (value < 0.01 ? `10<sup>${Math.round(Math.log10(v
 
 function showTradeOffs() {
   showTradeOff("effort-chart", "effort", 1, "effort (mean square of command)");
-  showTradeOff("outside-chart", "outside_fraction", 100, "time outside, %", 100 * MOST_OUTSIDE);
+  showTradeOff("outside-chart", "outside_fraction", 100, "time outside, %", 100 * data.most_beyond);
   const shapes = { learned: "\u2605", closed_loop: "\u25c6", scripted: "\u25cf", reference: "\u2716" };
   byId("kinds").replaceChildren(
     ...Object.entries(KINDS).filter(([kind]) => data.policies.some((p) => p.kind === kind))

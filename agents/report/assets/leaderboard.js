@@ -177,8 +177,8 @@ function showHeadline() {
     (chosen.mode === "all"
       ? "Means over the inertia modes, without intervals, for the modes share their seeds. "
       : "In brackets 95 % intervals over episodes. ") +
-    "Bold: lowest final error among the policies that are outside the rate limits, and have wheels at theirs, at most " +
-    "1 % of the time. " +
+    "Bold: lowest final error among the policies that are outside the rate limits, and have wheels at theirs, at most 1 % of " +
+    "the time. " +
     "The heads of the columns sort.";
 }
 

@@ -2,7 +2,6 @@
 
 const data = JSON.parse(document.getElementById("data").textContent);
 
-const MOST_OUTSIDE = 0.01; // of the time; only who keeps it can be best
 const KINDS = { learned: "learned", closed_loop: "closed loop", scripted: "scripted", reference: "reference" };
 const INERTIA = { all: "all modes", static: "static", step: "step", drift: "drift", periodic: "periodic" };
 
