@@ -148,7 +148,7 @@ def _walk(scenario: Scenario) -> float:
     """Inertia walk, per sqrt(s), of the MomentumEKF that a forecast takes for the scenario's filter."""
     own = estimator_settings(scenario.estimator)
     if isinstance(own, AdaptiveEKFSettings):
-        return min(max(_ADAPTIVE_WALK, own.inertia_walks[0]), own.inertia_walks[-1])
+        return _ADAPTIVE_WALK
     return own.inertia_walk if isinstance(own, MomentumEKFSettings) else MomentumEKFSettings().inertia_walk
 
 

@@ -125,7 +125,7 @@ def _fly(
     series = {name: np.zeros((rows, length, *shape)) for name, shape in shapes.items()}
     rngs = [np.random.default_rng([seed, 2]) for seed in seeds]
     work, cost = new_work(n, posed.estimator), np.zeros(rows)
-    records = tuple(state[name] for name in ("plants", "beliefs", "models", "tasks"))
+    records = tuple(state[name] for name in ("plants", "beliefs", "tasks"))
     records += (work, state["reports"], state["observations"])
     actions = np.zeros((rows, n), np.float32)
     for t in range(-1, world.decisions):
@@ -175,14 +175,13 @@ def _note(
 
 def _build_decide_many(fingerprint):
     def decide_many(
-        decision, actions, steps, plants, beliefs, models, tasks, work, reports, observations,
+        decision, actions, steps, plants, beliefs, tasks, work, reports, observations,
         momentum, rate, wheel_speed, inertia, torque, gyro, tachometer, theta, covariance, attitude,
     ):  # fmt: skip
         """One decision of every row with all its samples noted; decision -1 notes the start alone."""
         fingerprint  # noqa: B018
         for i in range(actions.shape[0]):
             plant, belief, task, report = plants[i], beliefs[i], tasks[i], reports[i]
-            bank = episode.bank_of(beliefs, models, i)
             first = decision * task.samples + 1
             if decision < 0:
                 _note(
@@ -194,8 +193,8 @@ def _build_decide_many(fingerprint):
             for s in range(task.samples):
                 _walk_truth(plant, steps[i, s])
                 episode.sample(plant, task, work[0], report)
-                episode.predict(belief, bank, work[0], plant.tachometer, task.sample_period)
-                report.nis = episode.take_reading(plant, belief, bank, work[0])
+                episode.predict(belief, work[0], plant.tachometer, task.sample_period)
+                report.nis = episode.take_reading(plant, belief, work[0])
                 _note(
                     first + s, plant, belief, momentum[i], rate[i], wheel_speed[i], inertia[i], torque[i], gyro[i],
                     tachometer[i], theta[i], covariance[i], attitude[i],

@@ -101,7 +101,7 @@ def filter_rates() -> tuple[float, float]:
     wheel_speed = 0.05 * rng.standard_normal((3001, 3)) + 50.0
     compiled, reference = MomentumEKF(), FilterpyMomentumEKF()
     compiled.reset(briefing, gyro[0], wheel_speed[0])
-    records = compiled._rows, compiled._models, compiled._work  # the arrays behind it: the step alone, without checks
+    records = compiled._rows, compiled._work  # the arrays behind it: the step alone, without checks
     mean, covariance = np.empty((3001, 9)), np.empty((3001, 9, 9))
     nis = np.empty(3001)
 

@@ -175,7 +175,6 @@ over the rate limit, less 0.96, where positive |
         self._templates = build_templates(self.problem)
         self._plants = np.zeros(1, self._templates.plants.dtype)
         self._beliefs = np.zeros(1, self._templates.beliefs.dtype)
-        self._models = np.zeros((1, *self._templates.models.shape[1:]), self._templates.models.dtype)
         self._tasks = np.zeros(1, self._templates.tasks.dtype)
         self._reports = np.zeros(1, report_dtype(self.problem.wheels))
         self._work = new_work(self.problem.wheels, self.problem.estimator)
@@ -298,7 +297,6 @@ over the rate limit, less 0.96, where positive |
             templates.records,
             self._plants,
             self._beliefs,
-            self._models,
             self._tasks,
             self._work,
             self._reports,

@@ -15,7 +15,7 @@ from satid_gym.config import Config, check_whole, unknown_name
 from satid_gym.core.observation import layout
 from satid_gym.core.records import draw_dtype, task_dtype
 from satid_gym.disturbance import Disturbance
-from satid_gym.estimators.belief import new_belief, new_models, state_size
+from satid_gym.estimators.belief import new_belief, state_size
 from satid_gym.estimators.settings import PARAMETER_COUNT, EstimatorSettings, brief, estimator_settings
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES, InertiaLaw, LawRanges
@@ -162,22 +162,21 @@ class Templates:
     draws: np.ndarray
     plants: np.ndarray
     beliefs: np.ndarray
-    models: np.ndarray
     tasks: np.ndarray
 
     @property
-    def records(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def records(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What an episode starts as."""
-        return self.plants, self.beliefs, self.models, self.tasks
+        return self.plants, self.beliefs, self.tasks
 
 
 def build_templates(p: Problem, inertia: np.ndarray | None = None) -> Templates:
     """Templates of a problem; a true `inertia` (3,) or (3, 3) takes the place of the drawn one."""
     rows = [_template(p, satellite, inertia) for satellite in p.satellites]
     columns = zip(*rows, strict=True)
-    draws, plants, beliefs, models, tasks = (np.concatenate(parts).view(parts[0].dtype) for parts in columns)
+    draws, plants, beliefs, tasks = (np.concatenate(parts).view(parts[0].dtype) for parts in columns)
     tasks["template"] = np.arange(len(tasks))
-    return Templates(p.satellites, draws, plants, beliefs, models, tasks)
+    return Templates(p.satellites, draws, plants, beliefs, tasks)
 
 
 def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> tuple[np.ndarray, ...]:
@@ -199,12 +198,12 @@ def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> t
     plant["outlier_probability"] = scenario.faults.gyro_outlier
     plant["outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
     briefing = brief(satellite, scenario)
-    beliefs, models = new_belief(briefing, p.estimator), new_models(briefing, p.estimator)
+    beliefs = new_belief(briefing, p.estimator)
     tasks = _task(p, operating, briefing.inertia)
     draws = _draw(p, operating, law)
     if inertia is not None:
         draws["inertia_std"] = draws["tilt_std"] = 0.0
-    return draws, plants, beliefs, models, tasks
+    return draws, plants, beliefs, tasks
 
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ _MODES = {
     AutoresetMode.SAME_STEP: episode.SAME_STEP,
     AutoresetMode.DISABLED: episode.DISABLED,
 }
-_STATE = ("plants", "beliefs", "models", "tasks", "reports", "observations")
+_STATE = ("plants", "beliefs", "tasks", "reports", "observations")
 _LEAST_ROWS = 16  # for a thread: below it handing over costs more than it gains
 
 
@@ -107,7 +107,6 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         n, rows = self.problem.wheels, self.num_envs
         self._plants = np.zeros(rows, self._templates.plants.dtype)
         self._beliefs = np.zeros(rows, self._templates.beliefs.dtype)
-        self._models = np.zeros((rows, *self._templates.models.shape[1:]), self._templates.models.dtype)
         self._tasks = np.zeros(rows, self._templates.tasks.dtype)
         self._reports = np.zeros(rows, report_dtype(n))
         self._final_reports = np.zeros(rows, report_dtype(n))
@@ -303,7 +302,6 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             templates.records,
             self._plants,
             self._beliefs,
-            self._models,
             self._tasks,
             self._work[share],
             self._reports,

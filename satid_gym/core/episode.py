@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core import faults, multiple_model, rate_filter
+from satid_gym.core import faults, momentum_filter, rate_filter
 from satid_gym.core.algebra import factor, mahalanobis, store_symmetric
 from satid_gym.core.dynamics import inertia_at, spin_momentum, travel
 from satid_gym.core.generator import draw_plant
@@ -70,19 +70,19 @@ def sample(plant, task, work, report):
 
 
 @inline
-def predict(belief, bank, work, tachometer, dt):
-    """Move the belief on to the present reading of the tachometers; its models are in the bank (K,)."""
+def predict(belief, work, tachometer, dt):
+    """Move the belief on to the present reading of the tachometers."""
     if belief.kind == MOMENTUM:
-        multiple_model.predict(belief, bank, work, tachometer, dt)
+        momentum_filter.predict(belief, work, tachometer, dt)
     else:
         rate_filter.predict(belief, work, tachometer, dt)
 
 
 @inline
-def condition(belief, bank, work, gyro, tachometer):
+def condition(belief, work, gyro, tachometer):
     """Update the belief with the present readings; normalised innovation squared per degree of freedom."""
     if belief.kind == MOMENTUM:
-        return multiple_model.condition(belief, bank, work, gyro) / 3.0
+        return momentum_filter.condition(belief, work, gyro) / 3.0
     return rate_filter.condition(belief, work, gyro, tachometer) / (3.0 + tachometer.shape[0])
 
 
@@ -95,7 +95,7 @@ def condition_wheels(belief, work, tachometer):
 
 
 @inline
-def take_reading(plant, belief, bank, work):
+def take_reading(plant, belief, work):
     """Update the belief with those of the present readings that are not flagged; normalised innovation squared.
 
     Without gyro the MomentumEKF has nothing to update: the tachometers are its prediction's input.
@@ -105,7 +105,7 @@ def take_reading(plant, belief, bank, work):
         return condition_wheels(belief, work, plant.tachometer)
     if belief.gate == 0.0:
         belief.coasting = 0
-    return condition(belief, bank, work, plant.gyro, plant.tachometer)
+    return condition(belief, work, plant.gyro, plant.tachometer)
 
 
 @inline
@@ -117,10 +117,10 @@ def note_rate(plant, belief, report):
 
 
 @inline
-def start_belief(belief, bank, work, gyro, tachometer):
+def start_belief(belief, work, gyro, tachometer):
     """Belief after the first reading."""
     if belief.kind == MOMENTUM:
-        multiple_model.start(belief, bank, work, gyro, tachometer)
+        momentum_filter.start(belief, work, gyro, tachometer)
     else:
         rate_filter.start(belief, gyro, tachometer)
 
@@ -169,7 +169,7 @@ def conclude(plant, belief, task, work, report, observation):
 
 
 @inline
-def decide(plant, belief, bank, task, work, report, action, observation):
+def decide(plant, belief, task, work, report, action, observation):
     """One decision of the environment."""
     command(plant, task, work, report, action)
     first = last = 0.0
@@ -177,9 +177,9 @@ def decide(plant, belief, bank, task, work, report, action, observation):
         sample(plant, task, work, report)
         if step == 0:
             first = spread(belief, work, task.criterion)
-        predict(belief, bank, work, plant.tachometer, task.sample_period)
+        predict(belief, work, plant.tachometer, task.sample_period)
         before = spread(belief, work, task.criterion)
-        report.nis = take_reading(plant, belief, bank, work)
+        report.nis = take_reading(plant, belief, work)
         note_rate(plant, belief, report)
         last = spread(belief, work, task.criterion)
         report.information_gain += before - last
@@ -189,12 +189,12 @@ def decide(plant, belief, bank, task, work, report, action, observation):
 
 
 @inline
-def begin(draw, plant, belief, bank, task, work, report, observation):
+def begin(draw, plant, belief, task, work, report, observation):
     """Start an episode from fresh copies of the templates; False where no inertia drawn is physical."""
     if not draw_plant(draw, plant):
         return False
     read_sensors(plant)
-    start_belief(belief, bank, work, plant.gyro, plant.tachometer)
+    start_belief(belief, work, plant.gyro, plant.tachometer)
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = 0
         report.torque_applied[k] = 0.0
@@ -209,25 +209,16 @@ def begin(draw, plant, belief, bank, task, work, report, observation):
 
 
 @inline
-def bank_of(beliefs, models, i):
-    """The models (K,) of row i's belief: itself, where models (N, 0) has none."""
-    return models[i] if models.shape[1] > 0 else beliefs[i : i + 1]
-
-
-@inline
-def _begin_row(i, draws, templates, plants, beliefs, models, tasks, work, reports, observations):
+def _begin_row(i, draws, templates, plants, beliefs, tasks, work, reports, observations):
     """Start an episode in row i, from a template drawn at random."""
     stream = plants[i].stream
     row = np.int64(uniform(stream) * draws.shape[0])
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
     plants[i] = templates[0][row]
     beliefs[i] = templates[1][row]
-    for k in range(models.shape[1]):
-        models[i, k] = templates[2][row, k]
-    tasks[i] = templates[3][row]
+    tasks[i] = templates[2][row]
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
-    bank = bank_of(beliefs, models, i)
-    return begin(draws[row], plants[i], beliefs[i], bank, tasks[i], work, reports[i], observations[i])
+    return begin(draws[row], plants[i], beliefs[i], tasks[i], work, reports[i], observations[i])
 
 
 def _build_step_many(fingerprint):
@@ -241,7 +232,6 @@ def _build_step_many(fingerprint):
         templates,
         plants,
         beliefs,
-        models,
         tasks,
         work,
         reports,
@@ -262,8 +252,7 @@ def _build_step_many(fingerprint):
             fresh = chosen[i] != 0 if mode == BEGIN else mode == NEXT_STEP and tasks[i].over != 0
             ended = 0
             if not fresh and mode != BEGIN:
-                bank = bank_of(beliefs, models, i)
-                decide(plants[i], beliefs[i], bank, tasks[i], work[0], reports[i], actions[i], observations[i])
+                decide(plants[i], beliefs[i], tasks[i], work[0], reports[i], actions[i], observations[i])
                 failed += beliefs[i].broken
                 if mode == SAME_STEP and tasks[i].over != 0:
                     final_reports[i] = reports[i]
@@ -271,7 +260,7 @@ def _build_step_many(fingerprint):
                         final_observations[i, k] = observations[i, k]
                     fresh, ended = True, 1
             if fresh:
-                if not _begin_row(i, draws, templates, plants, beliefs, models, tasks, work[0], reports, observations):
+                if not _begin_row(i, draws, templates, plants, beliefs, tasks, work[0], reports, observations):
                     failed += 1
                 if ended != 0:
                     reports[i].terminated = final_reports[i].terminated

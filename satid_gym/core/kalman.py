@@ -89,12 +89,11 @@ def update(belief, work, rows, support):
     Each scalar has unit noise: work.innovation[r] = work.rows[r] . (x - mean) + N(0, 1); only the first
     `support` entries of a row are used. Joseph's form (1 - K h) P (1 - K h)^T + K K^T, expanded so that P
     stays symmetric; its second half, which mends rounding, is left out where little cancels. Returns the
-    normalised innovation squared, chi-square with `rows` degrees of freedom; the determinant of the whitened
-    innovation's covariance is left in work.whitened_determinant.
+    normalised innovation squared, chi-square with `rows` degrees of freedom.
     """
     covariance, ph, gain, delta = belief.covariance, work.ph, work.gain, work.delta
     size = belief.mean.shape[0]
-    nis, determinant = 0.0, 1.0
+    nis = 0.0
     for i in range(size):
         delta[i] = 0.0
     for r in range(rows):
@@ -110,7 +109,6 @@ def update(belief, work, rows, support):
             variance += h[k] * ph[k]
             innovation -= h[k] * delta[k]
         nis += innovation * innovation / variance
-        determinant *= variance
         for i in range(size):
             gain[i] = ph[i] / variance
             delta[i] += gain[i] * innovation
@@ -133,7 +131,6 @@ def update(belief, work, rows, support):
             for j in range(i, size):
                 change = remainder[i] * gain[j] + gain[i] * remainder[j]
                 covariance[i, j] = covariance[j, i] = covariance[i, j] - change
-    work.whitened_determinant = determinant
     _move_mean(belief, work)
     return nis
 

@@ -1,7 +1,6 @@
 """The compiled functions that Python calls, apart from those that step whole episodes.
 
-Every record argument is an array of which row 0 is used; models (1, K) are those of the belief, K = 0 where there is
-none.
+Every record argument is an array of which row 0 is used.
 """
 
 from __future__ import annotations
@@ -56,28 +55,28 @@ def _law_inertia(fingerprint):
 
 
 def _start_filter(fingerprint):
-    def start_filter(beliefs, models, work, gyro, tachometer):
+    def start_filter(beliefs, work, gyro, tachometer):
         """Belief after the first reading."""
         fingerprint  # noqa: B018
-        episode.start_belief(beliefs[0], episode.bank_of(beliefs, models, 0), work[0], gyro, tachometer)
+        episode.start_belief(beliefs[0], work[0], gyro, tachometer)
 
     return start_filter
 
 
 def _predict_filter(fingerprint):
-    def predict_filter(beliefs, models, work, tachometer, dt):
+    def predict_filter(beliefs, work, tachometer, dt):
         """Move the belief on by dt seconds to the reading `tachometer` (n,)."""
         fingerprint  # noqa: B018
-        episode.predict(beliefs[0], episode.bank_of(beliefs, models, 0), work[0], tachometer, dt)
+        episode.predict(beliefs[0], work[0], tachometer, dt)
 
     return predict_filter
 
 
 def _condition_filter(fingerprint):
-    def condition_filter(beliefs, models, work, gyro, tachometer):
+    def condition_filter(beliefs, work, gyro, tachometer):
         """Update the belief with a reading; normalised innovation squared per degree of freedom."""
         fingerprint  # noqa: B018
-        return episode.condition(beliefs[0], episode.bank_of(beliefs, models, 0), work[0], gyro, tachometer)
+        return episode.condition(beliefs[0], work[0], gyro, tachometer)
 
     return condition_filter
 
@@ -92,15 +91,15 @@ def _condition_filter_wheels(fingerprint):
 
 
 def _run_filter(fingerprint):
-    def run_filter(beliefs, models, work, gyro, tachometer, dt, mean, covariance, nis):
+    def run_filter(beliefs, work, gyro, tachometer, dt, mean, covariance, nis):
         """Filter readings gyro (N, 3) and tachometer (N, n), the first of which starts the belief."""
         fingerprint  # noqa: B018
-        belief, bank, scratch = beliefs[0], episode.bank_of(beliefs, models, 0), work[0]
-        episode.start_belief(belief, bank, scratch, gyro[0], tachometer[0])
+        belief, scratch = beliefs[0], work[0]
+        episode.start_belief(belief, scratch, gyro[0], tachometer[0])
         mean[0], covariance[0], nis[0] = belief.mean, belief.covariance, 0.0
         for i in range(1, gyro.shape[0]):
-            episode.predict(belief, bank, scratch, tachometer[i], dt)
-            nis[i] = episode.condition(belief, bank, scratch, gyro[i], tachometer[i])
+            episode.predict(belief, scratch, tachometer[i], dt)
+            nis[i] = episode.condition(belief, scratch, gyro[i], tachometer[i])
             mean[i], covariance[i] = belief.mean, belief.covariance
 
     return run_filter

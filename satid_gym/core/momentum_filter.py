@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core import vetting
+from satid_gym.core import vetting, walk
 from satid_gym.core.algebra import (
     add,
     add_diagonal,
@@ -61,6 +61,8 @@ def start(belief, work, gyro, tachometer):
     p = belief.prior_theta.shape[0]
     store(belief.wheel_input, wheel_momentum(belief, tachometer))
     vetting.begin(belief, gyro, tachometer)
+    if belief.adaptive != 0:
+        walk.start(belief)
     for i in range(3):
         belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
     _start_momentum(belief, work, gyro)
@@ -119,6 +121,8 @@ def predict(belief, work, tachometer, dt):
         after = wheel_momentum(belief, belief.speed)
     else:
         after = wheel_momentum(belief, tachometer)
+    if belief.adaptive != 0:
+        walk.predict(belief, dt)
     before = load(belief.wheel_input)
     per_step = 1.0 / belief.substeps
     h = dt * per_step
@@ -214,33 +218,59 @@ def condition(belief, work, gyro):
 @outline
 def _update(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
-    p = belief.prior_theta.shape[0]
-    size = belief.mean.shape[0]
-    iterations = 1
-    for k in range(3):
-        if belief.covariance[3 + k, 3 + k] > (_COARSE * belief.mean[3 + k]) ** 2:
-            iterations = _ITERATIONS
-    if iterations == 1:
-        return update(belief, work, 3, 3 + p)
-    prior_mean, prior, support = work.prior_mean, work.prior_covariance, 3 + p
-    for i in range(size):
-        prior_mean[i] = belief.mean[i]
-        for j in range(size):
-            prior[i, j] = belief.covariance[i, j]
-    nis, guarded = 0.0, belief.guarded
-    for iteration in range(iterations):
+    support, guarded = 3 + belief.prior_theta.shape[0], belief.guarded
+    if not _is_coarse(belief):
+        if belief.adaptive == 0:
+            return update(belief, work, 3, support)
+        _keep(belief, work)
+        nis = update(belief, work, 3, support)
+        if nis <= walk.STEPPED:
+            walk.learn(belief, work)
+            return nis
+        _return(belief, work)
+        belief.guarded = guarded
+        walk.step(belief)
+    if belief.adaptive != 0:
+        walk.forget(belief)
+    _keep(belief, work)
+    nis = 0.0
+    for iteration in range(_ITERATIONS):
         if iteration > 0:
             _linearise(belief, work, gyro)
         for r in range(3):
             for k in range(support):
-                work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
-        for i in range(size):
-            belief.mean[i] = prior_mean[i]
-            for j in range(size):
-                belief.covariance[i, j] = prior[i, j]
+                work.innovation[r] -= work.rows[r, k] * (work.prior_mean[k] - belief.mean[k])
+        _return(belief, work)
         nis = update(belief, work, 3, support)
     belief.guarded = min(belief.guarded, guarded + 1)
     return nis
+
+
+@inline
+def _is_coarse(belief):
+    """Whether a moment is known to no better than 5 %."""
+    coarse = False
+    for k in range(3):
+        coarse = coarse or belief.covariance[3 + k, 3 + k] > (_COARSE * belief.mean[3 + k]) ** 2
+    return coarse
+
+
+@inline
+def _keep(belief, work):
+    """Note mean and covariance before an update."""
+    for i in range(belief.mean.shape[0]):
+        work.prior_mean[i] = belief.mean[i]
+        for j in range(belief.mean.shape[0]):
+            work.prior_covariance[i, j] = belief.covariance[i, j]
+
+
+@inline
+def _return(belief, work):
+    """Go back to what was noted."""
+    for i in range(belief.mean.shape[0]):
+        belief.mean[i] = work.prior_mean[i]
+        for j in range(belief.mean.shape[0]):
+            belief.covariance[i, j] = work.prior_covariance[i, j]
 
 
 @inline
@@ -284,14 +314,13 @@ def _linearise(belief, work, gyro):
 
 @inline
 def _whiten(work, noise, support):
-    """Divide rows and innovation by the Cholesky factor of their noise covariance, whose determinant work keeps."""
+    """Divide rows and innovation by the Cholesky factor of their noise covariance."""
     rows, innovation = work.rows, work.innovation
     l00 = np.sqrt(noise[0])
     l10, l20 = noise[3] / l00, noise[4] / l00
     l11 = np.sqrt(noise[1] - l10 * l10)
     l21 = (noise[5] - l20 * l10) / l11
     l22 = np.sqrt(noise[2] - l20 * l20 - l21 * l21)
-    work.noise_determinant = (l00 * l11 * l22) ** 2
     for j in range(support):
         r0 = rows[0, j] / l00
         r1 = (rows[1, j] - l10 * r0) / l11

@@ -146,10 +146,16 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("stuck", _I, n),  # 1: the tachometer repeats itself; 2: did so until this reading
             ("outage", _I),  # samples for which neither the gyro nor a stuck tachometer had anything to say
             ("torque_max", _F, n),
-            # where the belief is one of several models, see core.multiple_model
-            ("dwell", _F),  # mean time after which the model is drawn anew, s
-            ("weight", _F),  # probability of the model
-            ("evidence", _F),  # its logarithm after the last reading, up to a constant
+            # how fast theta walks, where that is found out, see core.walk; void where `adaptive` is 0
+            ("adaptive", _I),
+            ("first_walk", _F),  # per sqrt(s)
+            ("least_walk", _F),  # that matters
+            ("walk_drift", _F),  # variance that its parameter gains a second
+            ("walk_parameter", _F),
+            ("walk_parameter_variance", _F),
+            ("theta_slope", _F, p),  # derivative of theta by the parameter
+            ("covariance_slope", _F, (p, p)),  # of its covariance
+            ("steps", _I),  # of the inertia that were found
         ],
         align=True,
     )
@@ -272,9 +278,11 @@ def work_dtype(n: int, p: int, size: int) -> np.dtype:
             ("delta", _F, wide),
             ("theta", _F, p),
             ("innovation", _F, 3 + n),
-            ("noise_determinant", _F),  # of the gyro reading's noise covariance
-            ("whitened_determinant", _F),  # of the innovation's covariance over that of the noise
             ("block", _F, (p, p)),
+            ("taken", _F, (p, p)),
+            ("slope", _F, (p, p)),
+            ("slope_product", _F, (p, p)),
+            ("lever", _F, p),
             ("wheel", _F, (4, n)),
         ],
         align=True,

@@ -25,10 +25,11 @@ def state_size(settings: EstimatorSettings, wheels: int) -> int:
 
 
 def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
-    """One row of belief, not yet started by a reading; its models are in `new_models`."""
+    """One row of belief, not yet started by a reading."""
     if isinstance(settings, AdaptiveEKFSettings):
-        rows = new_belief(briefing, settings.model(settings.inertia_walks[-1]))
-        rows["dwell"] = settings.dwell
+        rows = new_belief(briefing, settings.momentum())
+        rows["adaptive"], rows["first_walk"] = 1, settings.inertia_walk
+        rows["least_walk"], rows["walk_drift"] = settings.least_walk, settings.walk_drift
         return rows
     wheels = briefing.wheels
     n, p = wheels.count, PARAMETER_COUNT[settings.parameters]
@@ -60,14 +61,6 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
         row["walk"][3 : 3 + p] = settings.inertia_walk
         row["walk"][3 + p :] = settings.wheel_speed_walk
     return rows
-
-
-def new_models(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
-    """(1, K) beliefs of the models that the filter's belief is the mixture of; K = 0 where it has none."""
-    if isinstance(settings, AdaptiveEKFSettings):
-        models = [new_belief(briefing, settings.model(walk)) for walk in settings.inertia_walks]
-        return np.stack(models, axis=1).view(models[0].dtype)
-    return new_belief(briefing, settings)[:, None][:, :0]
 
 
 def new_work(wheels: int, settings: EstimatorSettings) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from satid_gym.config import check_number, real_array
 from satid_gym.core import kernels
-from satid_gym.estimators.belief import new_belief, new_models, new_work
+from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.settings import (
     AdaptiveEKFSettings,
     Briefing,
@@ -58,7 +58,6 @@ class CompiledEKF:
     def __init__(self, settings: EstimatorSettings) -> None:
         self.settings = settings
         self._rows: Any = np.zeros(0)
-        self._models: Any = None
         self._work: Any = None
 
     @property
@@ -84,7 +83,7 @@ class CompiledEKF:
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
         self._brief(briefing)
-        kernels.start_filter(self._rows, self._models, self._work, self._gyro(gyro), self._speed(wheel_speed))
+        kernels.start_filter(self._rows, self._work, self._gyro(gyro), self._speed(wheel_speed))
 
     def command(self, torque: np.ndarray) -> None:
         """Take note of the motor torque (n,) commanded from now on, N m; wheels without tachometer follow it."""
@@ -94,14 +93,14 @@ class CompiledEKF:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
         self._started()
         kernels.predict_filter(
-            self._rows, self._models, self._work, self._speed(wheel_speed), check_number("dt", dt, strict=True)
+            self._rows, self._work, self._speed(wheel_speed), check_number("dt", dt, strict=True)
         )
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""
         self._started()
         readings = self._gyro(gyro), self._speed(wheel_speed)
-        return float(kernels.condition_filter(self._rows, self._models, self._work, *readings))
+        return float(kernels.condition_filter(self._rows, self._work, *readings))
 
     @property
     def accepted(self) -> tuple[bool, np.ndarray] | None:
@@ -131,12 +130,12 @@ class CompiledEKF:
         mean, nis = np.empty((len(gyro), size)), np.empty(len(gyro))
         covariance = np.empty((len(gyro), size, size))
         dt = check_number("dt", dt, strict=True)
-        kernels.run_filter(self._rows, self._models, self._work, gyro, wheel_speed, dt, mean, covariance, nis)
+        kernels.run_filter(self._rows, self._work, gyro, wheel_speed, dt, mean, covariance, nis)
         p = self._rows["prior_theta"].shape[1]
         return FilterRun(mean=mean, covariance=covariance, nis=nis, parameters=p, guarded=self.guarded)
 
     def _brief(self, briefing: Briefing) -> None:
-        self._rows, self._models = new_belief(briefing, self.settings), new_models(briefing, self.settings)
+        self._rows = new_belief(briefing, self.settings)
         self._work = new_work(briefing.wheels.count, self.settings)
 
     def _started(self) -> np.void:
@@ -165,9 +164,7 @@ class MomentumEKF(CompiledEKF):
 
 
 class AdaptiveEKF(CompiledEKF):
-    """MomentumEKFs of several inertia walks as interacting multiple models; the state is their mixture's.
-
-    What `update` returns is the models' mean by weight, `guarded` that of the model with the most.
+    """The MomentumEKF that finds out how fast the inertia walks, and when it steps.
 
     Args:
         **settings: fields of `AdaptiveEKFSettings`.
@@ -180,10 +177,15 @@ class AdaptiveEKF(CompiledEKF):
         super().__init__(AdaptiveEKFSettings.from_dict(settings))
 
     @property
-    def weights(self) -> np.ndarray:
-        """(K,) probability of each model, in the order of `inertia_walks`."""
-        self._started()
-        return self._models["weight"][0].copy()
+    def inertia_walk(self) -> float:
+        """Random walk of each moment relative to its prior, per sqrt(s), that the last prediction took."""
+        row = self._started()
+        return float(row["walk"][3] / row["theta_scale"][0])
+
+    @property
+    def steps(self) -> int:
+        """Steps of the inertia that were found."""
+        return int(self._started()["steps"])
 
 
 class RateEKF(CompiledEKF):

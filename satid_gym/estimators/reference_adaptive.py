@@ -1,70 +1,74 @@
-"""Reference AdaptiveEKF: filterpy's IMMEstimator around its reference MomentumEKFs."""
+"""Reference AdaptiveEKF: filterpy's algebra, and the walk's estimation as its equations stand."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
-
 import numpy as np
-from filterpy.kalman import IMMEstimator
 
-from satid_gym.estimators.reference import FilterpyMomentumEKF, Reference
+from satid_gym.estimators.reference import FilterpyMomentumEKF
 from satid_gym.estimators.settings import AdaptiveEKFSettings, Briefing
 
 
-class _Model:
-    """A MomentumEKF with the names by which IMMEstimator calls a filter."""
-
-    def __init__(self, ekf: FilterpyMomentumEKF) -> None:
-        self._ekf = ekf
-        self.nis = 0.0
-
-    x = property(lambda self: self._ekf.filter.x, lambda self, x: setattr(self._ekf.filter, "x", x))
-    P = property(lambda self: self._ekf.filter.P, lambda self, p: setattr(self._ekf.filter, "P", p))
-
-    @property
-    def likelihood(self) -> float:
-        return self._ekf.filter.likelihood
-
-    def predict(self, reading: tuple[np.ndarray, float]) -> None:
-        self._ekf.predict(*reading)
-
-    def update(self, reading: tuple[np.ndarray, np.ndarray]) -> None:
-        self.nis = self._ekf.update(*reading)
-
-
-class FilterpyAdaptiveEKF(Reference):
-    """AdaptiveEKF by filterpy's IMMEstimator and ExtendedKalmanFilter.
+class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
+    """AdaptiveEKF by filterpy's ExtendedKalmanFilter; for the equations see `satid_gym.core.walk`.
 
     Args:
         **settings: fields of `AdaptiveEKFSettings`.
     """
 
-    coordinates: Literal["momentum"] = "momentum"
-    settings: AdaptiveEKFSettings
-
     def __init__(self, **settings: object) -> None:
-        super().__init__(AdaptiveEKFSettings.from_dict(settings))
+        self.adaptation = AdaptiveEKFSettings.from_dict(settings)
+        super().__init__(**self.adaptation.momentum().to_dict())
 
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
-        models: list[Any] = []
-        for walk in self.settings.inertia_walks:
-            ekf = FilterpyMomentumEKF(**self.settings.model(walk).to_dict())
-            ekf.reset(briefing, gyro, wheel_speed)
-            models.append(_Model(ekf))
-        self.filter = IMMEstimator(models, np.ones(len(models)), np.eye(len(models)))
+        super().reset(briefing, gyro, wheel_speed)
+        p = self.model.p
+        self._scale = briefing.theta_scale(self.settings.parameters)
+        self._e, self._variance = self._parameter(self.adaptation.inertia_walk), 4.0
+        self._theta_slope, self._covariance_slope = np.zeros(p), np.zeros((p, p))
+        self.steps = 0
+
+    def _parameter(self, walk: float) -> float:
+        relative = (walk / self.adaptation.least_walk) ** 2
+        return float(np.log(relative)) if relative > 1.0 else relative - 1.0
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
-        count, stay = self.filter.N, np.exp(-dt / self.settings.dwell)
-        chances = stay * np.eye(count) + (1.0 - stay) / count
-        # a new one each time: it thinks of the chances where it is made or updated, and not every step has an update
-        self.filter = IMMEstimator(self.filter.filters, self.filter.mu, chances)
-        self.filter.mu = self.filter.cbar.copy()  # by these weights the predictions are mixed
-        self.filter.predict((wheel_speed, dt))
+        e, least, p = self._e, self.adaptation.least_walk**2, self.model.p
+        if e >= 0.0:
+            q = slope = least * np.exp(e)
+        else:
+            q, slope = least * max(0.0, 1.0 + e * (1.0 + 2.0 * np.sqrt(self._variance))), least
+        self.model.walk[3 : 3 + p] = np.sqrt(q) * self._scale
+        self._covariance_slope = self._covariance_slope + np.diag(slope * self._scale**2 * dt)
+        wander = self.adaptation.walk_drift * min(1.0, 1.0 + e) ** 2
+        self._variance = min(self._variance + (wander + 0.002) * dt, 4.0)
+        super().predict(wheel_speed, dt)
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
-        """Take in the reading; returns the models' mean normalised innovation squared per degree of freedom."""
-        weights = self.filter.mu
-        self.filter.update((gyro, wheel_speed))
-        return float(weights @ [model.nis for model in self.filter.filters])
+        """Take in the reading; returns the normalised innovation squared per degree of freedom."""
+        kf, theta = self.filter, slice(3, 3 + self.model.p)
+        mean, covariance = kf.x.copy(), kf.P.copy()
+        coarse = self.model.iterations(mean, covariance) > 1
+        nis = super().update(gyro, wheel_speed)
+        if not coarse and 3.0 * nis <= 40.0:
+            self._learn(kf.x[theta] - mean[theta], covariance[theta, theta], kf.P[theta, theta])
+            return nis
+        if not coarse:
+            covariance[theta, theta] += np.diag((0.1 * self._scale) ** 2)
+            kf.x, kf.P = mean, covariance
+            self.steps, self._variance = self.steps + 1, 4.0
+            nis = super().update(gyro, wheel_speed)
+        self._theta_slope, self._covariance_slope = np.zeros(self.model.p), np.zeros((self.model.p,) * 2)
+        return nis
+
+    def _learn(self, moved: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        inverse = np.linalg.inv(before)
+        u, w, t, d = inverse @ moved, inverse @ (before - after) @ inverse, self._theta_slope, self._covariance_slope
+        score = u @ t + 0.5 * (u @ d @ u - np.trace(w @ d))
+        information = t @ w @ t + 0.5 * np.trace(w @ d @ w @ d)
+        kept = np.eye(len(moved)) - (before - after) @ inverse
+        self._theta_slope, self._covariance_slope = kept @ (t + d @ u), kept @ d @ kept.T
+        self._variance = 1.0 / (1.0 / self._variance + information)
+        e = self._e + np.clip(self._variance * score, -2.0, 2.0)
+        self._e = float(np.clip(e, -1.0, self._parameter(0.1)))

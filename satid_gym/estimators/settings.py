@@ -195,41 +195,38 @@ class RateEKFSettings(Config):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AdaptiveEKFSettings(Config):
-    """Tuning of the AdaptiveEKF: MomentumEKFs of several walks as interacting multiple models.
+    """Tuning of the AdaptiveEKF: the MomentumEKF that finds out how fast the inertia walks.
 
     Attributes:
         name: "adaptive".
         parameters: "principal" or "full".
-        inertia_walks: of each model, random walk of each moment relative to its prior, per sqrt(s), the slowest first.
-        dwell: mean time after which the model that holds is drawn anew, s; all are alike, the present one among them.
+        inertia_walk: random walk of each moment relative to its prior, per sqrt(s), that it begins with.
+        least_walk: that matters, per sqrt(s): below it not the logarithm of the variance is estimated but the variance,
+            which may be 0.
+        walk_drift: variance by which the logarithm of the walk's variance may wander a second.
         disturbance_walk: as for the MomentumEKF.
         substeps: midpoint steps between two readings.
     """
 
     name: Literal["adaptive"] = "adaptive"
     parameters: Parameters = "principal"
-    inertia_walks: tuple[float, ...] = (0.0, 0.0008, 0.005, 0.05)
-    dwell: float = 3000.0
+    inertia_walk: float = 0.0015
+    least_walk: float = 0.0001
+    walk_drift: float = 0.05
     disturbance_walk: float | None = None
     substeps: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        walks = real_array("inertia_walks", self.inertia_walks)
-        if walks.ndim != 1 or len(walks) < 2 or walks[0] < 0.0 or (np.diff(walks) <= 0.0).any():
-            raise ValueError(
-                f"inertia_walks must be two or more numbers of at least 0 that increase, got {self.inertia_walks!r}; "
-                'for a single one take the estimator "momentum"'
-            )
-        object.__setattr__(self, "inertia_walks", tuple(walks.tolist()))
-        check_number("dwell", self.dwell, strict=True)
-        self.model(walks[0].item())
+        self.momentum()
+        check_number("least_walk", self.least_walk, strict=True)
+        check_number("walk_drift", self.walk_drift)
 
-    def model(self, walk: float) -> MomentumEKFSettings:
-        """The model of one walk."""
+    def momentum(self) -> MomentumEKFSettings:
+        """The MomentumEKF that it begins as."""
         return MomentumEKFSettings(
             parameters=self.parameters,
-            inertia_walk=walk,
+            inertia_walk=self.inertia_walk,
             disturbance_walk=self.disturbance_walk,
             substeps=self.substeps,
         )

@@ -17,7 +17,7 @@ import scipy.linalg
 
 from satid_gym.config import check_number, real_array
 from satid_gym.core import kernels
-from satid_gym.estimators.belief import new_belief, new_models, new_work
+from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.compiled import FilterRun, MomentumEKF
 from satid_gym.estimators.settings import Briefing, MomentumEKFSettings
 
@@ -71,7 +71,7 @@ class _Transition:
         # The filter leaves the Jacobian of its last substep only, so its substeps are taken one by one here;
         # its tachometer noise counts for the whole of dt, which the factor makes up for.
         self.steps, self.h = settings.substeps, dt / settings.substeps
-        self.rows, self.models = new_belief(briefing, settings), new_models(briefing, settings)
+        self.rows = new_belief(briefing, settings)
         self.work = new_work(briefing.wheels.count, settings)
         self.rows["substeps"] = 1
         self.rows["wheel_momentum_covariance"] *= self.steps
@@ -87,7 +87,7 @@ class _Transition:
         jacobian = np.eye(len(mean))
         for step in range(1, self.steps + 1):
             speed = before + (after - before) * step / self.steps
-            kernels.predict_filter(self.rows, self.models, self.work, speed, self.h)
+            kernels.predict_filter(self.rows, self.work, speed, self.h)
             jacobian[:3] = self.work["transition"][0, :3] @ jacobian
         return row["mean"].copy(), row["covariance"].copy(), jacobian
 

@@ -1,0 +1,194 @@
+"""How fast the inertia walks: what the AdaptiveEKF finds out beside theta, by recursive maximum likelihood.
+
+theta walks with variance q a second, relative to its scale. Of an update by which theta's mean moves by d and its
+covariance from P- to P+, theta alone knows as of a measurement; the likelihood's derivatives by a parameter e of q are
+
+    score = u.t + (u^T D u - tr W D) / 2,   information = t^T W t + tr (W D)^2 / 2
+    u = (P-)^-1 d,   W = (P-)^-1 - (P-)^-1 P+ (P-)^-1,   t = d theta / de,   D = dP / de before the update
+
+and with A = P+ (P-)^-1 the update takes t to A (t + D u), D to A D A^T. (That theta's error also is M's is left out.)
+The parameter is the logarithm of q over the square of the least walk that matters, w, and linear below, where it is
+all the same how little q is, so that theta may not walk at all:
+
+    q = w^2 e^e for e >= 0,   w^2 (1 + e) for -1 <= e < 0;   there less _DOUBT of e's standard deviations as e falls
+
+It is taken to walk itself; its variance falls with the information and grows with time. An innovation that no walk
+explains is a step of the inertia: theta's covariance is raised and the reading taken in again.
+Source: Mehra, Approaches to adaptive filtering (1972); Ljung and Soderstrom, Theory and practice of recursive
+identification (1983), ch. 3: the recursive prediction error method, here for a parameter of the noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.jit import inline, outline
+
+_VARIANCE = 4.0  # of e before the first reading, and at most
+_RENEWAL = 0.002  # variance that e gains a second where theta does not walk
+_DOUBT = 2.0
+_LONGEST = 2.0  # change of e by one reading
+_FASTEST = 0.1  # walk, per sqrt(s)
+_STEP = 0.1  # std of a step of each moment, relative to the prior
+STEPPED = 40.0  # normalised innovation squared that no walk explains: one in 1e8 of chi-square with 3 degrees of freedom
+
+
+@inline
+def start(belief):
+    """Before the first reading."""
+    belief.walk_parameter = parameter(belief.first_walk, belief.least_walk)
+    belief.walk_parameter_variance = _VARIANCE
+    belief.steps = 0
+    forget(belief)
+
+
+@inline
+def parameter(walk, least):
+    """e of a walk per sqrt(s)."""
+    relative = (walk / least) ** 2
+    return np.log(relative) if relative > 1.0 else relative - 1.0
+
+
+@inline
+def forget(belief):
+    """Take theta and its covariance as they are, whatever the walk."""
+    for i in range(belief.theta_slope.shape[0]):
+        belief.theta_slope[i] = 0.0
+        for j in range(belief.theta_slope.shape[0]):
+            belief.covariance_slope[i, j] = 0.0
+
+
+@outline
+def predict(belief, dt):
+    """Set the walk of the dt seconds to come, and what it does to the derivatives."""
+    e, least = belief.walk_parameter, belief.least_walk**2
+    if e >= 0.0:
+        variance, slope, share = least * np.exp(e), least * np.exp(e), 1.0
+    else:
+        doubt = -e * _DOUBT * np.sqrt(belief.walk_parameter_variance)
+        variance, slope, share = least * max(0.0, 1.0 + e - doubt), least, (1.0 + e) ** 2
+    for k in range(belief.theta_scale.shape[0]):
+        scale = belief.theta_scale[k]
+        belief.walk[3 + k] = np.sqrt(variance) * scale
+        belief.covariance_slope[k, k] += slope * scale * scale * dt
+    grown = belief.walk_parameter_variance + (share * belief.walk_drift + _RENEWAL) * dt
+    belief.walk_parameter_variance = min(grown, _VARIANCE)
+
+
+@inline
+def step(belief):
+    """Let the inertia have stepped."""
+    belief.steps += 1
+    belief.walk_parameter_variance = _VARIANCE
+    for k in range(belief.theta_scale.shape[0]):
+        belief.covariance[3 + k, 3 + k] += (_STEP * belief.theta_scale[k]) ** 2
+
+
+@inline
+def _solve(lower, columns, size):
+    """columns = lower^-1 columns, in place."""
+    for j in range(size):
+        for i in range(size):
+            total = columns[i, j]
+            for k in range(i):
+                total -= lower[i, k] * columns[k, j]
+            columns[i, j] = total / lower[i, i]
+
+
+@inline
+def _whiten(lower, matrix, size):
+    """matrix = lower^-1 matrix lower^-T of a symmetric one, in place."""
+    _solve(lower, matrix, size)
+    for i in range(size):
+        for j in range(i):
+            matrix[i, j], matrix[j, i] = matrix[j, i], matrix[i, j]
+    _solve(lower, matrix, size)
+
+
+@outline
+def learn(belief, work):
+    """Take in what an update has done to theta; mean and covariance before it are in work.
+
+    All is reckoned in coordinates in which P- is the identity: P- = L L^T, C = L^-1 (P- - P+) L^-T.
+    """
+    p = belief.theta_scale.shape[0]
+    lower, taken, slope, product = work.block, work.taken, work.slope, work.slope_product
+    moved, lever = work.theta, work.lever
+    for j in range(p):
+        for i in range(j, p):
+            total = work.prior_covariance[3 + i, 3 + j]
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            if i == j and not total > 0.0:
+                return  # broken, which is found elsewhere
+            lower[i, j] = np.sqrt(total) if i == j else total / lower[j, j]
+    for i in range(p):
+        moved[i] = belief.mean[3 + i] - work.prior_mean[3 + i]
+        lever[i] = belief.theta_slope[i]
+        for k in range(i):
+            moved[i] -= lower[i, k] * moved[k]
+            lever[i] -= lower[i, k] * lever[k]
+        moved[i] /= lower[i, i]
+        lever[i] /= lower[i, i]
+        for j in range(p):
+            taken[i, j] = work.prior_covariance[3 + i, 3 + j] - belief.covariance[3 + i, 3 + j]
+            slope[i, j] = belief.covariance_slope[i, j]
+    _whiten(lower, taken, p)
+    _whiten(lower, slope, p)
+    score = information = 0.0
+    for i in range(p):
+        score += moved[i] * lever[i]
+        for j in range(p):
+            score += 0.5 * (moved[i] * moved[j] - taken[i, j]) * slope[i, j]
+            information += lever[i] * taken[i, j] * lever[j]
+            total = 0.0
+            for k in range(p):
+                total += taken[i, k] * slope[k, j]
+            product[i, j] = total
+    for i in range(p):
+        for j in range(p):
+            information += 0.5 * product[i, j] * product[j, i]
+    _follow(belief, work)
+    variance = 1.0 / (1.0 / belief.walk_parameter_variance + information)
+    change = min(max(variance * score, -_LONGEST), _LONGEST)
+    most = parameter(_FASTEST, belief.least_walk)
+    belief.walk_parameter = min(max(belief.walk_parameter + change, -1.0), most)
+    belief.walk_parameter_variance = variance
+
+
+@inline
+def _follow(belief, work):
+    """Derivatives after the update: t and D of `learn` to L (1 - C) (t + D v) and L (1 - C) D (1 - C) L^T."""
+    p = belief.theta_scale.shape[0]
+    lower, taken, slope, product = work.block, work.taken, work.slope, work.slope_product
+    moved, lever = work.theta, work.lever
+    for i in range(p):
+        for k in range(p):
+            lever[i] += slope[i, k] * moved[k]
+    for i in range(p):  # product is C D; slope becomes (1 - C) D (1 - C) = E - E C with E = D - C D
+        moved[i] = lever[i]
+        for k in range(p):
+            moved[i] -= taken[i, k] * lever[k]
+            slope[i, k] -= product[i, k]
+    for i in range(p):
+        for j in range(p):
+            total = slope[i, j]
+            for k in range(p):
+                total -= slope[i, k] * taken[k, j]
+            product[i, j] = total
+    for i in range(p):
+        total = 0.0
+        for k in range(i + 1):
+            total += lower[i, k] * moved[k]
+        belief.theta_slope[i] = total
+        for j in range(p):
+            total = 0.0
+            for k in range(j + 1):
+                total += product[i, k] * lower[j, k]
+            slope[i, j] = total
+    for i in range(p):
+        for j in range(i, p):
+            total = 0.0
+            for k in range(i + 1):
+                total += lower[i, k] * slope[k, j]
+            belief.covariance_slope[i, j] = belief.covariance_slope[j, i] = total
