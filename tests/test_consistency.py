@@ -18,7 +18,7 @@ from satid_gym.core import kernels
 from satid_gym.core.observation import layout
 from satid_gym.core.records import report_dtype
 from satid_gym.estimators import MomentumEKF
-from satid_gym.estimators.belief import new_belief, new_models, new_work
+from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.settings import MomentumEKFSettings, brief
 from satid_gym.laws import INERTIA_MODES, PAPER_LAWS
 from satid_gym.metrics import final_error
@@ -260,7 +260,6 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
 
     problem = env.problem
     beliefs = new_belief(brief(problem.satellites[0], problem.scenario), MomentumEKFSettings())
-    models = new_models(brief(problem.satellites[0], problem.scenario), problem.estimator)
     work, tasks = new_work(3, problem.estimator), build_templates(problem).tasks
     # a truth of twice the inertia, upside down, under another law and at its own rate
     other = build_templates(problem, inertia=2.0 * np.array([4.53, 5.96, 6.53])).plants
@@ -276,7 +275,7 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
         other["gyro"], other["tachometer"] = gyro, speed
         return gyro, speed
 
-    kernels.start_filter(beliefs, models, work, *show())
+    kernels.start_filter(beliefs, work, *show())
     kernels.look(other, beliefs, tasks, work, reports, observed)
     np.testing.assert_allclose(observed, observations[0], rtol=0, atol=1e-9)
     for i, action in enumerate(actions[:-1]):
@@ -285,9 +284,9 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
         for _ in range(task["samples"]):
             gyro, speed = show()
             report["peak_rate"] = np.maximum(report["peak_rate"], np.abs(gyro))
-            kernels.predict_filter(beliefs, models, work, speed, 0.1)
+            kernels.predict_filter(beliefs, work, speed, 0.1)
             before = kernels.spread(beliefs, work, 0)
-            kernels.condition_filter(beliefs, models, work, gyro, speed)
+            kernels.condition_filter(beliefs, work, gyro, speed)
             report["information_gain"] += before - kernels.spread(beliefs, work, 0)
         kernels.conclude(other, beliefs, tasks, work, reports, observed)
         np.testing.assert_allclose(observed, observations[i + 1], rtol=0, atol=1e-9)

@@ -54,7 +54,7 @@ def assert_same_steps(one: list, other: list, tolerance: float = 0.0) -> None:
 
 def state_of(env: SatInertiaIDEnv) -> bytes:
     """Everything a step could change."""
-    records = (env._plants, env._beliefs, env._models, env._tasks, env._reports, env._observation)
+    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observation)
     return b"".join(record.tobytes() for record in records)
 
 
@@ -445,8 +445,8 @@ def test_draws_beside_the_impossible_are_drawn_again():
         (FilterpyRateEKF, "rate", {}),
         (MomentumEKF, "momentum", {"inertia_walk": 0.002, "substeps": 2}),
         (RateEKF, "rate", {"gyro_std": 1e-4}),
-        (FilterpyAdaptiveEKF, "adaptive", {"inertia_walks": (0.0, 0.003)}),
-        (AdaptiveEKF, "adaptive", {"dwell": 100.0, "substeps": 2}),
+        (FilterpyAdaptiveEKF, "adaptive", {"walk_drift": 1.0}),
+        (AdaptiveEKF, "adaptive", {"least_walk": 0.001, "substeps": 2}),
     ],
 )
 @pytest.mark.parametrize("net", [False, True])
@@ -529,9 +529,9 @@ def test_environments_share_their_dtypes(estimator):
     """Numba would compare at length, in every call, a dtype that is only equal to one it has seen."""
     one, other = (SatInertiaIDEnv("cubesat", estimator=estimator) for _ in range(2))
     many = SatInertiaIDVectorEnv(2, satellite="random", estimator=estimator)
-    for name in ("_plants", "_beliefs", "_models", "_tasks", "_work", "_reports"):
+    for name in ("_plants", "_beliefs", "_tasks", "_work", "_reports"):
         assert getattr(one, name).dtype is getattr(other, name).dtype
         if name != "_work":
             assert getattr(one, name).dtype is getattr(many, name).dtype
-    for record in ("draws", "plants", "beliefs", "models", "tasks"):
+    for record in ("draws", "plants", "beliefs", "tasks"):
         assert getattr(one._templates, record).dtype is getattr(many._templates, record).dtype

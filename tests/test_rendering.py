@@ -214,7 +214,7 @@ def test_a_rendered_rollout_is_the_same_bit_for_bit():
             rendered.render()
             (a, ra, *_), (b, rb, *_) = plain.step(wave(i)), rendered.step(wave(i))
             assert (a.tobytes(), ra) == (b.tobytes(), rb)
-        for records in ("_plants", "_beliefs", "_models", "_tasks", "_reports", "_observation"):
+        for records in ("_plants", "_beliefs", "_tasks", "_reports", "_observation"):
             assert getattr(plain, records).tobytes() == getattr(rendered, records).tobytes()
     assert plain.np_random.bit_generator.state == rendered.np_random.bit_generator.state
 

@@ -80,7 +80,7 @@ def test_the_planners_covariance_follows_the_filters(steps: int, walk: float) ->
     assert np.quantile(spread, 0.95) < (0.1 if steps == 10 else 0.4)
 
 
-def test_a_planner_forecasts_with_a_walk_between_those_of_the_adaptive_filters_models() -> None:
+def test_a_planner_forecasts_with_a_walk_between_those_that_the_adaptive_filter_finds() -> None:
     """Under each inertia law the filter's own uncertainty is now above, now below what the planner keeps."""
     ratios = {}
     for mode in ("static", "periodic"):

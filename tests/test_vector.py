@@ -218,7 +218,7 @@ def flying() -> SatInertiaIDVectorEnv:
 
 
 def state_of(env: SatInertiaIDVectorEnv) -> bytes:
-    records = (env._plants, env._beliefs, env._models, env._tasks, env._reports, env._observations)
+    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observations)
     generators = [g.bit_generator.state for g in env.np_random]
     return b"".join(record.tobytes() for record in records) + repr((generators, env.np_random_seed)).encode()
 

@@ -224,7 +224,7 @@ def _update(belief, work, gyro):
             return update(belief, work, 3, support)
         _keep(belief, work)
         nis = update(belief, work, 3, support)
-        if nis <= walk.STEPPED:
+        if not walk.has_stepped(belief, nis):
             walk.learn(belief, work)
             return nis
         _return(belief, work)

@@ -156,6 +156,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("theta_slope", _F, p),  # derivative of theta by the parameter
             ("covariance_slope", _F, (p, p)),  # of its covariance
             ("steps", _I),  # of the inertia that were found
+            ("since_step", _F),  # s
         ],
         align=True,
     )

@@ -28,9 +28,10 @@ _VARIANCE = 4.0  # of e before the first reading, and at most
 _RENEWAL = 0.002  # variance that e gains a second where theta does not walk
 _DOUBT = 2.0
 _LONGEST = 2.0  # change of e by one reading
-_FASTEST = 0.1  # walk, per sqrt(s)
+_FASTEST = 0.02  # walk, per sqrt(s)
 _STEP = 0.1  # std of a step of each moment, relative to the prior
-STEPPED = 40.0  # normalised innovation squared that no walk explains: one in 1e8 of chi-square with 3 degrees of freedom
+_PAUSE = 30.0  # s between two steps: where readings go on to be beyond belief, it is not the inertia
+_STEPPED = 40.0  # normalised innovation squared, of 3 degrees of freedom, that no walk explains: one in 1e8
 
 
 @inline
@@ -39,6 +40,7 @@ def start(belief):
     belief.walk_parameter = parameter(belief.first_walk, belief.least_walk)
     belief.walk_parameter_variance = _VARIANCE
     belief.steps = 0
+    belief.since_step = _PAUSE
     forget(belief)
 
 
@@ -73,12 +75,20 @@ def predict(belief, dt):
         belief.covariance_slope[k, k] += slope * scale * scale * dt
     grown = belief.walk_parameter_variance + (share * belief.walk_drift + _RENEWAL) * dt
     belief.walk_parameter_variance = min(grown, _VARIANCE)
+    belief.since_step += dt
+
+
+@inline
+def has_stepped(belief, nis):
+    """Whether a normalised innovation squared says that the inertia has stepped."""
+    return nis > _STEPPED and belief.since_step >= _PAUSE
 
 
 @inline
 def step(belief):
     """Let the inertia have stepped."""
     belief.steps += 1
+    belief.since_step = 0.0
     belief.walk_parameter_variance = _VARIANCE
     for k in range(belief.theta_scale.shape[0]):
         belief.covariance[3 + k, 3 + k] += (_STEP * belief.theta_scale[k]) ** 2

@@ -92,9 +92,7 @@ class CompiledEKF:
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
         """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
         self._started()
-        kernels.predict_filter(
-            self._rows, self._work, self._speed(wheel_speed), check_number("dt", dt, strict=True)
-        )
+        kernels.predict_filter(self._rows, self._work, self._speed(wheel_speed), check_number("dt", dt, strict=True))
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Take in the reading; returns the normalised innovation squared per degree of freedom."""

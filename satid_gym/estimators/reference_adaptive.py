@@ -26,7 +26,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         self._scale = briefing.theta_scale(self.settings.parameters)
         self._e, self._variance = self._parameter(self.adaptation.inertia_walk), 4.0
         self._theta_slope, self._covariance_slope = np.zeros(p), np.zeros((p, p))
-        self.steps = 0
+        self.steps, self._since_step = 0, 30.0
 
     def _parameter(self, walk: float) -> float:
         relative = (walk / self.adaptation.least_walk) ** 2
@@ -43,6 +43,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         self._covariance_slope = self._covariance_slope + np.diag(slope * self._scale**2 * dt)
         wander = self.adaptation.walk_drift * min(1.0, 1.0 + e) ** 2
         self._variance = min(self._variance + (wander + 0.002) * dt, 4.0)
+        self._since_step += dt
         super().predict(wheel_speed, dt)
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
@@ -51,13 +52,13 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         mean, covariance = kf.x.copy(), kf.P.copy()
         coarse = self.model.iterations(mean, covariance) > 1
         nis = super().update(gyro, wheel_speed)
-        if not coarse and 3.0 * nis <= 40.0:
+        if not coarse and (3.0 * nis <= 40.0 or self._since_step < 30.0):
             self._learn(kf.x[theta] - mean[theta], covariance[theta, theta], kf.P[theta, theta])
             return nis
         if not coarse:
             covariance[theta, theta] += np.diag((0.1 * self._scale) ** 2)
             kf.x, kf.P = mean, covariance
-            self.steps, self._variance = self.steps + 1, 4.0
+            self.steps, self._since_step, self._variance = self.steps + 1, 0.0, 4.0
             nis = super().update(gyro, wheel_speed)
         self._theta_slope, self._covariance_slope = np.zeros(self.model.p), np.zeros((self.model.p,) * 2)
         return nis
@@ -71,4 +72,4 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         self._theta_slope, self._covariance_slope = kept @ (t + d @ u), kept @ d @ kept.T
         self._variance = 1.0 / (1.0 / self._variance + information)
         e = self._e + np.clip(self._variance * score, -2.0, 2.0)
-        self._e = float(np.clip(e, -1.0, self._parameter(0.1)))
+        self._e = float(np.clip(e, -1.0, self._parameter(0.02)))

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy.special
 
-from satid_gym.config import Config, check_number, check_whole, real_array, unknown_name
+from satid_gym.config import Config, check_number, check_whole, unknown_name
 from satid_gym.satellite import ReactionWheels, Satellite, inertia_tensor
 from satid_gym.scenario import Scenario
 

@@ -238,11 +238,11 @@ def _estimator(chance: Random, group: Group, satellite: Settings) -> Settings:
             "gate": chance.choice((0.0, 0.0, 1e-6, 1e-2)),
         }
     if group.estimator == "adaptive":
-        walks = sorted(_log(chance, 1e-5, 0.1) for _ in range(chance.choice((2, 3, 4, 6))))
         return {
             **common,
-            "inertia_walks": [_or(chance, 0.0, walks[0]), *walks[1:]],
-            "dwell": _log(chance, 0.1, 1e5),
+            "inertia_walk": _or(chance, 0.0, _log(chance, 1e-5, 0.1)),
+            "least_walk": _log(chance, 1e-6, 0.1),
+            "walk_drift": _or(chance, 0.0, _log(chance, 1e-4, 10.0)),
             "disturbance_walk": chance.choice((None, 0.0, 1e-3, 0.1)),
             "substeps": chance.choice((1, 1, 2, 5)),
         }

@@ -38,7 +38,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/algebra": ("algebra",),
     "core/dynamics": ("dynamics",),
     "core/momentum_filter": ("filters",),
-    "core/multiple_model": ("multiple_model",),
+    "core/walk": ("walk",),
     "core/rate_filter": ("filters",),
     "core/kalman": ("filters",),
     "core/reward": ("reward",),
@@ -55,7 +55,7 @@ GROUPS = {
     "physics": ("core/algebra", "core/dynamics", "core/sensors", "core/generator", "core/faults", "laws"),
     "filter": (
         "core/momentum_filter",
-        "core/multiple_model",
+        "core/walk",
         "core/rate_filter",
         "core/kalman",
         "core/vetting",

@@ -1,4 +1,4 @@
-"""The AdaptiveEKF: which model it believes, what that is worth, and that it is one filter in every shell.
+"""The AdaptiveEKF: what walk it finds, what that is worth, and that it is one filter in every shell.
 
 Its algebra is held against filterpy's in test_filters and test_env.
 """
@@ -11,8 +11,9 @@ from test_consistency import fly as fly_cell
 from test_consistency import square_wave
 from test_filters import DT, assert_equal_filters, fly, run_slowly
 
+from baselines.rate_square import RateSquarePolicy
+from baselines.recording import record
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.core import kernels
 from satid_gym.estimators import (
     AdaptiveEKF,
     AdaptiveEKFSettings,
@@ -29,79 +30,128 @@ from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS
 
+SECOND = round(1.0 / DT)
 
-def weights(ekf: AdaptiveEKF, readings) -> np.ndarray:
-    """(N, K) after each reading."""
+
+def walks(ekf: AdaptiveEKF, readings) -> tuple[np.ndarray, np.ndarray]:
+    """(N - 1,) the walk that each prediction took and the steps found after each update."""
     ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
-    series = [ekf.weights]
+    series = []
     for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
         ekf.predict(speed, DT)
         ekf.update(gyro, speed)
-        series.append(ekf.weights)
-    return np.array(series)
+        series.append((ekf.inertia_walk, ekf.steps))
+    return tuple(np.array(series).T)
 
 
-@pytest.mark.parametrize("settings", [{"dwell": 2.0}, {"inertia_walks": (0.0, 0.1), "parameters": "full"}])
-def test_a_short_flight_is_filterpys(settings, microsat):
-    """With models that change often and are far apart, so that every term of the mixture counts."""
-    readings = fly(microsat, "static", seconds=12)
+@pytest.mark.parametrize(
+    "settings",
+    [{"walk_drift": 1.0}, {"least_walk": 0.01, "parameters": "full"}, {"inertia_walk": 0.0, "least_walk": 0.001}],
+)
+@pytest.mark.parametrize("mode", ["static", "step"])
+def test_a_short_flight_is_filterpys(settings, mode, microsat):
+    """With walks that change often, from far above the least one and from below it."""
+    readings = fly(microsat, mode, seconds=40)
     run = AdaptiveEKF(**settings).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
     assert_equal_filters(run, run_slowly(FilterpyAdaptiveEKF(**settings), readings), 1e-8)
 
 
-def test_a_filter_without_models_is_left_alone(microsat):
+def test_the_momentum_ekf_is_left_alone(microsat):
     readings = fly(microsat, "static", seconds=12)
     run = MomentumEKF().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
     assert_equal_filters(run, run_slowly(FilterpyMomentumEKF(), readings))
 
 
-def test_a_wild_reading_is_guarded_and_counted(microsat):
+@pytest.mark.compiled
+def test_its_derivatives_are_those_of_filters_of_nearby_walks(microsat):
+    """What is left out, that theta's error is M's as well, is a fifth of the covariance's derivative."""
+    readings, walk, apart = fly(microsat, "drift"), 0.001, 1e-3
+    more, less = (
+        MomentumEKF(inertia_walk=walk * np.exp(0.5 * sign * apart)).run(
+            readings.briefing, readings.gyro, readings.wheel_speed, DT
+        )
+        for sign in (1.0, -1.0)
+    )
+    theta = (more.inertia - less.inertia) / (2.0 * apart)
+    covariance = (more.inertia_covariance - less.inertia_covariance) / (2.0 * apart)
+    ekf = AdaptiveEKF(inertia_walk=walk)
+    ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    parameter = ekf._rows["walk_parameter"].copy()
+    own = []
+    for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
+        ekf.predict(speed, DT)
+        ekf.update(gyro, speed)
+        ekf._rows["walk_parameter"] = parameter
+        row = ekf._rows[0]
+        own.append(np.concatenate([row["theta_slope"], np.diag(row["covariance_slope"])]))
+    settled = slice(60 * SECOND, None)
+    for k in range(3):
+        mine = np.array(own)[settled]
+        assert np.corrcoef(mine[:, k], theta[1:][settled, k])[0, 1] > 0.8
+        assert 0.8 < np.median(mine[:, 3 + k] / covariance[1:][settled, k, k]) < 1.3
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("walk", [0.0006, 0.002, 0.006])
+def test_it_finds_the_walk_of_a_truth_that_walks(walk):
+    """The inertia walks as the MomentumEKF of that walk says; neither filter decided the excitation."""
+    flights = record(
+        RateSquarePolicy(period=30.0, margin=3.0),
+        satellite="microsat",
+        inertia="static",
+        seeds=range(8),
+        estimator={"name": "momentum", "inertia_walk": walk},
+        as_modelled=True,
+    )
+    briefing, found = brief(SATELLITES["microsat"], SCENARIOS["default"]), []
+    for gyro, speed in zip(flights.gyro, flights.tachometer, strict=True):
+        ekf = AdaptiveEKF()
+        ekf.reset(briefing, gyro[0], speed[0])
+        for i in range(1, len(gyro)):
+            ekf.predict(speed[i], DT)
+            ekf.update(gyro[i], speed[i])
+            found.append(ekf.inertia_walk if i > 60 * SECOND else np.nan)
+    assert 0.8 * walk < np.nanmedian(found) < 1.25 * walk
+
+
+@pytest.mark.compiled
+def test_it_finds_what_holds(microsat):
+    """Static: hardly a walk; slosh: a fast one; a step: once, within a second, and the walk it had before."""
+    static, slosh, step = (walks(AdaptiveEKF(), fly(microsat, mode)) for mode in ("static", "periodic", "step"))
+    assert static[0][-60 * SECOND :].max() < 1e-4
+    assert 1e-3 < np.median(slosh[0][-60 * SECOND :]) < 1e-2
+    assert static[1][-1] == slosh[1][-1] == 0
+    at = 150 * SECOND
+    assert step[1][at - SECOND] == 0
+    assert step[1][at + SECOND] == step[1][-1] == 1
+    assert step[0][-60 * SECOND :].max() < 2e-4
+
+
+def test_a_wild_reading_is_guarded_and_counted_once(microsat):
     ekf = AdaptiveEKF()
     ekf.reset(brief(microsat, SCENARIOS["default"]), (0.02, 0.02, 0.02), (50.0, -50.0, 50.0))
     ekf.predict((-150.0, -250.0, -150.0), DT)
     assert ekf.guarded == 0
     ekf.update((30.0, -30.0, 30.0), (-150.0, -250.0, -150.0))
-    ekf._models["guarded"][0, 0] += 2
-    ekf.predict((-150.0, -250.0, -150.0), DT)
-    assert ekf.guarded == 3
+    assert ekf.guarded == 1
 
 
-def test_models_that_are_alike_are_one_filter(microsat):
-    readings = fly(microsat, "periodic", seconds=60)
-    run = MomentumEKF(inertia_walk=0.003).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
-    walks = 0.003 * (1.0 + 1e-9 * np.arange(4))
-    same = AdaptiveEKF(inertia_walks=walks).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
-    np.testing.assert_allclose(same.mean, run.mean, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(same.nis, run.nis, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(same.covariance, run.covariance, rtol=1e-6, atol=1e-12)
-
-
-def test_weights_are_probabilities_that_start_alike(microsat):
-    series = weights(AdaptiveEKF(), fly(microsat, "step", seconds=200))
-    np.testing.assert_array_equal(series[0], 0.25)
-    np.testing.assert_allclose(series.sum(axis=1), 1.0, rtol=1e-12)
-    assert (series > 0.0).all()
-
-
-def test_started_again_it_is_not_broken(microsat):
-    readings = fly(microsat, "static", seconds=1)
+def test_a_reading_that_no_walk_explains_is_taken_in_with_theta_uncertain_again(microsat):
+    readings = fly(microsat, "static", seconds=60)
     ekf = AdaptiveEKF()
     ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
-    ekf._rows["broken"] = 1
-    kernels.start_filter(ekf._rows, ekf._models, ekf._work, readings.gyro[0], readings.wheel_speed[0])
-    assert ekf._rows["broken"][0] == 0
-
-
-@pytest.mark.compiled
-def test_it_believes_the_model_that_holds(microsat):
-    """Static: the slowest; periodic: a fast one; a step: the fastest for a moment, and the slowest again."""
-    static, periodic, step = (weights(AdaptiveEKF(), fly(microsat, mode)) for mode in ("static", "periodic", "step"))
-    assert static[-600:, 0].mean() > 0.9
-    assert periodic[-600:, 2].mean() > 0.5
-    at = round(150.0 / DT)
-    assert step[at - 300 : at, 3].max() < 0.1
-    assert step[at : at + 30, 3].max() > 0.9
-    assert step[-600:, 0].mean() > 0.9
+    for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
+        ekf.predict(speed, DT)
+        ekf.update(gyro, speed)
+    known = np.sqrt(np.diag(ekf.covariance))[3:6] / ekf.mean[3:6]
+    assert (known < 0.002).all()
+    ekf.predict(speed, DT)
+    assert np.abs(gyro).max() > 0.005
+    nis = ekf.update(0.92 * gyro, speed)  # as of a body with more inertia
+    assert ekf.steps == 1
+    assert nis < 5.0
+    unsure = np.sqrt(np.diag(ekf.covariance))[3:6] / ekf.mean[3:6]
+    assert (unsure > 5.0 * known).all()
 
 
 @pytest.fixture(scope="module")
@@ -177,28 +227,28 @@ BLIND = {
 
 
 def test_without_a_gyro_reading_it_predicts_alone():
-    """Its uncertainty grows, and its weights tend to their prior as fast as models are drawn anew."""
-    dwell = 30.0
-    env = SatInertiaIDEnv(inertia="static", scenario=BLIND, estimator={"name": "adaptive", "dwell": dwell})
+    """Its uncertainty grows, that of the walk too, and the walk stays."""
+    env = SatInertiaIDEnv(inertia="periodic", scenario=BLIND, estimator={"name": "adaptive", "walk_drift": 0.01})
     env.reset(seed=0)
     part = env.layout["uncertainty"]
     rng = np.random.default_rng(0)
-    spread, weights = [], []
+    spread, variance, parameter = [], [], []
     for _ in range(75):
         observation, *_ = env.step(rng.uniform(-0.2, 0.2, 3).astype(np.float32))
         spread.append(observation[part])
-        weights.append(env._models["weight"][0].copy())
+        variance.append(env._beliefs["walk_parameter_variance"][0])
+        parameter.append(env._beliefs["walk_parameter"][0])
     blind = slice(31, 69)
     assert (np.diff(spread[blind], axis=0) > 0.0).all()
-    apart = np.array(weights[blind]) - 0.25
-    np.testing.assert_allclose(apart[1:], np.exp(-1.0 / dwell) * apart[:-1], rtol=1e-9)
-    assert np.abs(apart).max() > 0.1
+    assert len(set(parameter[blind])) == 1
+    assert parameter[31] > 0.0
+    np.testing.assert_allclose(np.diff(variance[blind]), 0.01 + 0.002, rtol=1e-6)
 
 
 def test_without_a_gyro_reading_it_is_filterpys():
     settings = {"inertia": "static", "scenario": BLIND, "max_episode_steps": 300}
-    compiled = SatInertiaIDEnv(estimator={"name": "adaptive", "dwell": 30.0}, **settings)
-    plugged = SatInertiaIDEnv(estimator=FilterpyAdaptiveEKF(dwell=30.0), **settings)
+    compiled = SatInertiaIDEnv(estimator={"name": "adaptive", "walk_drift": 0.5}, **settings)
+    plugged = SatInertiaIDEnv(estimator=FilterpyAdaptiveEKF(walk_drift=0.5), **settings)
     for env in (compiled, plugged):
         env.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-0.2, 0.2, (75, 3)).astype(np.float32)
@@ -218,12 +268,10 @@ def test_planners_are_told_of_the_filter_that_is_flown():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"inertia_walks": (0.001,)}, 'two or more numbers.*that increase.*"momentum"'),
-        ({"inertia_walks": (0.001, 0.001)}, "that increase"),
-        ({"inertia_walks": (-0.001, 0.001)}, "at least 0"),
-        ({"inertia_walks": 0.001}, "two or more"),
-        ({"inertia_walks": ("fast", "slow")}, "inertia_walks must be numeric"),
-        ({"dwell": 0.0}, "dwell must be"),
+        ({"inertia_walk": -0.001}, "inertia_walk must be"),
+        ({"least_walk": 0.0}, "least_walk must be"),
+        ({"walk_drift": -1.0}, "walk_drift must be"),
+        ({"inertia_walks": (0.0, 0.001)}, "unknown setting"),
         ({"substeps": 0}, "substeps must be"),
         ({"parameters": "ful"}, "unknown parameters"),
         ({"gate": 1e-6}, "unknown setting"),
@@ -235,7 +283,7 @@ def test_bad_settings_are_refused(settings, message):
 
 
 def test_settings_are_plain_values():
-    settings = AdaptiveEKFSettings(inertia_walks=[0.0, 0.01], dwell=10)
+    settings = AdaptiveEKFSettings(inertia_walk=0.01, walk_drift=1)
     assert AdaptiveEKFSettings.from_dict(settings.to_dict()) == settings
     assert SatInertiaIDEnv(estimator=settings.to_dict()).problem.estimator == settings
     assert SatInertiaIDEnv(scenario={"estimator": "adaptive"}).problem.estimator == AdaptiveEKFSettings()
