@@ -80,7 +80,7 @@ without the 3 x p block that `correlation` holds |
     | term | default weight | meaning |
     |---|---|---|
     | gained | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
-covariance of the inertia parameters, in nats; never negative, but with the AdaptiveEKF where a reading brings doubt |
+covariance of the inertia parameters, in nats; never negative, but where the AdaptiveEKF finds a step |
     | held | 0 | nats by which the inertia is better known at the decision's end than before launch |
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
 over the rate limit, less 0.96, where positive |
@@ -107,7 +107,7 @@ over the rate limit, less 0.96, where positive |
     | inertia_true, inertia_estimate | (3, 3) kg m^2 |
     | relative_error | Frobenius norm of their difference over that of the truth |
     | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when honest |
-    | nis | normalised innovation squared of the last update, per degree of freedom; mean of the AdaptiveEKF's models |
+    | nis | normalised innovation squared of the last update, per degree of freedom |
     | information_gain, information_held | nats of this decision, and since before launch |
     | cost | share of the decision's samples with a true rate outside the limit (as in Safety-Gymnasium) |
     | effort | mean square of the action |
