@@ -2,7 +2,7 @@
 
 A planner keeps the covariance that the MomentumEKF must have: the same equations, along the rates that were
 observed, for observations give only part of it. (In place of an AdaptiveEKF it keeps a MomentumEKF of a walk between
-those of its models.) From there it flies candidate commands, as `RateLoop` would turn them into torque, on the
+those that it finds.) From there it flies candidate commands, as `RateLoop` would turn them into torque, on the
 estimated satellite without noise, and adds up what the filter's updates gain and leave to be known. Time goes in
 `steps` a decision, with the readings of a step taken as one of their mean's noise.
 """

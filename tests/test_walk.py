@@ -56,6 +56,31 @@ def test_a_short_flight_is_filterpys(settings, mode, microsat):
     assert_equal_filters(run, run_slowly(FilterpyAdaptiveEKF(**settings), readings), 1e-8)
 
 
+def test_steps_are_found_as_filterpys(microsat):
+    """Three changes of the body, the second too soon after the first: the walk alone follows it, at its fastest."""
+    readings = fly(microsat, "static", seconds=60)
+    time = DT * np.arange(len(readings.gyro))
+    factor = np.select([time < 10.0, time < 25.0, time < 45.0], [1.0, 0.95, 1.05], 0.93)
+    readings.gyro[:] = factor[:, None] * readings.gyro
+    ekf, reference = AdaptiveEKF(), FilterpyAdaptiveEKF()
+    found, fastest = [], 0.0
+    for filter in (ekf, reference):
+        filter.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    for gyro, speed, at in zip(readings.gyro[1:], readings.wheel_speed[1:], time[1:], strict=True):
+        before = ekf.steps
+        for filter in (ekf, reference):
+            filter.predict(speed, DT)
+            filter.update(gyro, speed)
+        found += [at] if ekf.steps > before else []
+        fastest = max(fastest, ekf.inertia_walk)
+        assert ekf.steps == reference.steps
+        np.testing.assert_allclose(ekf.mean, reference.mean, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(ekf.covariance, reference.covariance, rtol=1e-7, atol=1e-13)
+    assert len(found) == 2
+    np.testing.assert_allclose(found, [10.0, 45.0], atol=1.0)
+    assert fastest == pytest.approx(0.02)
+
+
 def test_the_momentum_ekf_is_left_alone(microsat):
     readings = fly(microsat, "static", seconds=12)
     run = MomentumEKF().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
