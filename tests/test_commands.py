@@ -42,6 +42,7 @@ MISSPELT = [
     ("baselines.design --fraction 0", "fraction must be finite and more than 0 and at most 1"),
     ("baselines.efficiency --satellites microsats", "unknown satellite 'microsats'", "Did you mean 'microsat'?"),
     ("baselines.efficiency --policies chrip", "unknown policy 'chrip'", "Did you mean 'chirp'?"),
+    ("baselines.tune_filter --policies chrip", "unknown policy 'chrip'", "Did you mean 'chirp'?"),
     ("baselines.efficiency --reference rate_squares", "'rate_squares'", "Did you mean 'rate_square'?"),
     ("baselines.efficiency --episodes 0", "episodes must be a whole number of at least 1, got 0"),
     ("baselines.faults --satellites microsats", "unknown satellite 'microsats'", "Did you mean 'microsat'?"),
