@@ -218,22 +218,20 @@ def condition(belief, work, gyro):
 @outline
 def _update(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
-    support, guarded = 3 + belief.prior_theta.shape[0], belief.guarded
+    support = 3 + belief.prior_theta.shape[0]
+    if belief.adaptive != 0 and not _is_coarse(belief) and walk.has_stepped(belief, work):
+        walk.step(belief)
     if not _is_coarse(belief):
         if belief.adaptive == 0:
             return update(belief, work, 3, support)
-        _keep(belief, work)
+        walk.keep(belief, work)
         nis = update(belief, work, 3, support)
-        if not walk.has_stepped(belief, nis):
-            walk.learn(belief, work)
-            return nis
-        _return(belief, work)
-        belief.guarded = guarded
-        walk.step(belief)
+        walk.learn(belief, work)
+        return nis
     if belief.adaptive != 0:
         walk.forget(belief)
     _keep(belief, work)
-    nis = 0.0
+    nis, guarded = 0.0, belief.guarded
     for iteration in range(_ITERATIONS):
         if iteration > 0:
             _linearise(belief, work, gyro)

@@ -123,7 +123,7 @@ def is_repeated(belief, gyro):
 
 
 @inline
-def _distance(belief, work, support):
+def distance(belief, work, support):
     """Normalised innovation squared of the whitened reading in work.rows and work.innovation."""
     rows, covariance, ph = work.rows, belief.covariance, work.ph
     s = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
@@ -156,7 +156,7 @@ def reject(belief, work, support):
     innovation = load(work.innovation)
     nis = 0.0
     if dot(innovation, innovation) > belief.gate:  # never less than the distance
-        nis = _distance(belief, work, support)
+        nis = distance(belief, work, support)
     if nis <= belief.gate:
         belief.rejections = 0
         return 0.0

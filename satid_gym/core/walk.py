@@ -13,7 +13,7 @@ all the same how little q is, so that theta may not walk at all:
     q = w^2 e^e for e >= 0,   w^2 (1 + e) for -1 <= e < 0;   there less _DOUBT of e's standard deviations as e falls
 
 It is taken to walk itself; its variance falls with the information and grows with time. An innovation that no walk
-explains is a step of the inertia: theta's covariance is raised and the reading taken in again.
+explains is a step of the inertia: theta's covariance is raised before the update.
 Source: Mehra, Approaches to adaptive filtering (1972); Ljung and Soderstrom, Theory and practice of recursive
 identification (1983), ch. 3: the recursive prediction error method, here for a parameter of the noise.
 """
@@ -22,7 +22,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.vetting import distance
 
 _VARIANCE = 4.0  # of e before the first reading, and at most
 _RENEWAL = 0.002  # variance that e gains a second where theta does not walk
@@ -79,19 +81,32 @@ def predict(belief, dt):
 
 
 @inline
-def has_stepped(belief, nis):
-    """Whether a normalised innovation squared says that the inertia has stepped."""
-    return nis > _STEPPED and belief.since_step >= _PAUSE
+def has_stepped(belief, work):
+    """Whether the whitened reading in work says that the inertia has stepped."""
+    innovation = load(work.innovation)
+    if belief.since_step < _PAUSE or dot(innovation, innovation) <= _STEPPED:  # never less than the distance
+        return False
+    return distance(belief, work, 3 + belief.theta_scale.shape[0]) > _STEPPED
 
 
 @inline
 def step(belief):
     """Let the inertia have stepped."""
+    forget(belief)
     belief.steps += 1
     belief.since_step = 0.0
     belief.walk_parameter_variance = _VARIANCE
     for k in range(belief.theta_scale.shape[0]):
         belief.covariance[3 + k, 3 + k] += (_STEP * belief.theta_scale[k]) ** 2
+
+
+@inline
+def keep(belief, work):
+    """Note what is known of theta before an update."""
+    for i in range(belief.theta_scale.shape[0]):
+        work.prior_mean[3 + i] = belief.mean[3 + i]
+        for j in range(belief.theta_scale.shape[0]):
+            work.prior_covariance[3 + i, 3 + j] = belief.covariance[3 + i, 3 + j]
 
 
 @inline
@@ -117,7 +132,7 @@ def _whiten(lower, matrix, size):
 
 @outline
 def learn(belief, work):
-    """Take in what an update has done to theta; mean and covariance before it are in work.
+    """Take in what an update has done to theta, of which `keep` noted what was known before.
 
     All is reckoned in coordinates in which P- is the identity: P- = L L^T, C = L^-1 (P- - P+) L^-T.
     """

@@ -201,7 +201,7 @@ class AdaptiveEKFSettings(Config):
         name: "adaptive".
         parameters: "principal" or "full".
         inertia_walk: random walk of each moment relative to its prior, per sqrt(s), that it begins with.
-        least_walk: that matters, per sqrt(s): below it not the logarithm of the variance is estimated but the variance,
+        least_walk: the slowest that matters, per sqrt(s): below it the variance is estimated instead of its logarithm,
             which may be 0.
         walk_drift: variance by which the logarithm of the walk's variance may wander a second.
         disturbance_walk: as for the MomentumEKF.
