@@ -1,19 +1,21 @@
 """How fast the inertia walks: what the AdaptiveEKF finds out beside theta, by recursive maximum likelihood.
 
-theta walks with variance q a second, relative to its scale. Of an update by which theta's mean moves by d and its
-covariance from P- to P+, theta alone knows as of a measurement; the likelihood's derivatives by a parameter e of q are
+theta walks with variance q a second, relative to its scale. An update that moves theta's mean by d and takes its
+covariance from P- to P+ tells what a measurement of theta alone would; the derivative of that measurement's
+log-likelihood by a parameter e of q, and the information on e, are
 
     score = u.t + (u^T D u - tr W D) / 2,   information = t^T W t + tr (W D)^2 / 2
     u = (P-)^-1 d,   W = (P-)^-1 - (P-)^-1 P+ (P-)^-1,   t = d theta / de,   D = dP / de before the update
 
-and with A = P+ (P-)^-1 the update takes t to A (t + D u), D to A D A^T. (That theta's error also is M's is left out.)
-The parameter is the logarithm of q over the square of the least walk that matters, w, and linear below, where it is
-all the same how little q is, so that theta may not walk at all:
+and with A = P+ (P-)^-1 the update takes t to A (t + D u), D to A D A^T. (That M's error is theta's as well is left
+out.) With w the slowest walk that matters
 
-    q = w^2 e^e for e >= 0,   w^2 (1 + e) for -1 <= e < 0;   there less _DOUBT of e's standard deviations as e falls
+    q / w^2 = exp(e) for e >= 0,   1 + e for -1 <= e < 0
 
-It is taken to walk itself; its variance falls with the information and grows with time. An innovation that no walk
-explains is a step of the inertia: theta's covariance is raised before the update.
+so that theta may also not walk at all; lest the estimate's noise be taken for a walk, the filter takes 1 + e less -e
+times _DOUBT standard deviations of e. The parameter is taken to walk itself: its variance falls with the information
+and grows with time. An innovation that no walk explains is a step of the inertia: theta's covariance is raised before
+the update.
 Source: Mehra, Approaches to adaptive filtering (1972); Ljung and Soderstrom, Theory and practice of recursive
 identification (1983), ch. 3: the recursive prediction error method, here for a parameter of the noise.
 """
