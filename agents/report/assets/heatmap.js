@@ -42,7 +42,16 @@ function showHeatmap() {
   byId("heatmap").tHead.replaceChildren(make("tr", {}, corner, ...groups), make("tr", {}, ...heads));
   byId("heatmap").tBodies[0].replaceChildren(...body);
   const { tickvals } = decades(100 * low, 100 * high);
-  const ticks = tickvals.map((value) => make("span", { class: place(value / 100) < 0.06 ? "first" : null, style: `left:${100 * place(value / 100)}%` }, `${value} %`));
+  const ticks = [];
+  let end = -Infinity; // of the last label
+  for (const value of tickvals) {
+    const label = `${value} %`;
+    const at = place(value / 100);
+    const half = 0.0105 * label.length; // of its width and the gap, as a share of the bar
+    if (at - half < end) continue;
+    ticks.push(make("span", { style: `left:${100 * at}%` }, label));
+    end = at + half;
+  }
   byId("colour-scale").replaceChildren(
     make("div", { class: "bar", style: `background:linear-gradient(to right, ${CIVIDIS.join(",")})` }),
     make("div", { class: "ticks" }, ...ticks),
