@@ -35,7 +35,7 @@ from agents.settings import ANEW, ImitationSettings
 from agents.train import network_of, summary, validate, write_curve
 from baselines.ending import ended
 from baselines.mpc import MPCPolicy
-from baselines.provenance import read_json, revision, versions, write_bytes, write_json
+from baselines.provenance import command, read_json, revision, versions, write_bytes, write_json
 from baselines.rate_loop import RateLoop
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
@@ -278,8 +278,7 @@ def main(arguments: list[str] | None = None) -> None:
             if options.run is None or settings != ImitationSettings():
                 raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
             settings = ImitationSettings.of_run(folder)
-        command = shlex.join(["python", "-m", "agents.imitate", *arguments])
-        run = Imitation(settings, folder, resume=options.resume, command=command)
+        run = Imitation(settings, folder, resume=options.resume, command=command("agents.imitate", arguments))
     except OSError as error:
         sys.exit(f"agents.imitate: {error.filename or folder}: {error.strerror or error}")
     except ValueError as error:

@@ -34,7 +34,7 @@ from agents.learned import LearnedPolicy, Network
 from agents.rate_env import RateCommandVecEnv
 from agents.settings import Task, TrainSettings, named
 from baselines.ending import ended
-from baselines.provenance import PART, revision, versions, write_json, write_text
+from baselines.provenance import PART, command, revision, versions, write_json, write_text
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.metrics import MOST_BEYOND, beyond_envelope
 
@@ -294,13 +294,12 @@ def _base(arguments: list[str]) -> TrainSettings:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    command = shlex.join(["python", "-m", "agents.train", *arguments])
     try:
         start = Options(training=_base(arguments))
         options = tyro.cli(Options, args=arguments, default=start, description=__doc__)
         settings = options.training
         folder = options.run or Path("runs") / f"{settings.name}-{settings.seed}"
-        run = Run(settings, folder, resume=options.resume, command=command)
+        run = Run(settings, folder, resume=options.resume, command=command("agents.train", arguments))
     except OSError as error:
         sys.exit(f"agents.train: {error.filename or folder}: {error.strerror or error}")
     except ValueError as error:

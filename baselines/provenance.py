@@ -22,9 +22,13 @@ class DamagedFileError(ValueError):
     """A file is missing or not what it should be; the message says what to do."""
 
 
-def command(module: str) -> str:
-    """The command line of this process, as a user would type it; of absolute paths the last name alone."""
-    return shlex.join(["python", "-m", module, *map(_portable, sys.argv[1:])])
+def command(module: str, arguments: Iterable[str] | None = None) -> str:
+    """The command line of this process, or of a module's arguments, as a user would type it.
+
+    Of absolute paths it has the last name alone.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    return shlex.join(["python", "-m", module, *map(_portable, arguments)])
 
 
 def _portable(argument: str) -> str:

@@ -217,6 +217,7 @@ def test_what_cannot_be_compared_is_one_line_and_exit_code_2(line, message, caps
 def test_a_command_names_no_place_of_this_machine(line, said, monkeypatch):
     monkeypatch.setattr(provenance.sys, "argv", ["compare.py", *line])
     assert provenance.command("agents.compare") == f"python -m agents.compare {said}"
+    assert provenance.command("agents.train", line) == f"python -m agents.train {said}"
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):
