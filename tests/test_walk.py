@@ -18,7 +18,6 @@ from satid_gym.estimators import (
     AdaptiveEKF,
     AdaptiveEKFSettings,
     FilterpyAdaptiveEKF,
-    FilterpyMomentumEKF,
     MomentumEKF,
     brief,
     estimator_settings,
@@ -79,12 +78,6 @@ def test_steps_are_found_as_filterpys(microsat):
     assert len(found) == 2
     np.testing.assert_allclose(found, [10.0, 45.0], atol=1.0)
     assert fastest == pytest.approx(0.02)
-
-
-def test_the_momentum_ekf_is_left_alone(microsat):
-    readings = fly(microsat, "static", seconds=12)
-    run = MomentumEKF().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
-    assert_equal_filters(run, run_slowly(FilterpyMomentumEKF(), readings))
 
 
 @pytest.mark.compiled

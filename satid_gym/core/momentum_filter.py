@@ -230,15 +230,16 @@ def _update(belief, work, gyro):
         return nis
     if belief.adaptive != 0:
         walk.forget(belief)
-    _keep(belief, work)
+    size, prior_mean, prior = belief.mean.shape[0], work.prior_mean, work.prior_covariance
+    _copy(belief.mean, belief.covariance, prior_mean, prior, size)
     nis, guarded = 0.0, belief.guarded
     for iteration in range(_ITERATIONS):
         if iteration > 0:
             _linearise(belief, work, gyro)
         for r in range(3):
             for k in range(support):
-                work.innovation[r] -= work.rows[r, k] * (work.prior_mean[k] - belief.mean[k])
-        _return(belief, work)
+                work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
+        _copy(prior_mean, prior, belief.mean, belief.covariance, size)
         nis = update(belief, work, 3, support)
     belief.guarded = min(belief.guarded, guarded + 1)
     return nis
@@ -254,21 +255,11 @@ def _is_coarse(belief):
 
 
 @inline
-def _keep(belief, work):
-    """Note mean and covariance before an update."""
-    for i in range(belief.mean.shape[0]):
-        work.prior_mean[i] = belief.mean[i]
-        for j in range(belief.mean.shape[0]):
-            work.prior_covariance[i, j] = belief.covariance[i, j]
-
-
-@inline
-def _return(belief, work):
-    """Go back to what was noted."""
-    for i in range(belief.mean.shape[0]):
-        belief.mean[i] = work.prior_mean[i]
-        for j in range(belief.mean.shape[0]):
-            belief.covariance[i, j] = work.prior_covariance[i, j]
+def _copy(mean, covariance, to_mean, to_covariance, size):
+    for i in range(size):
+        to_mean[i] = mean[i]
+        for j in range(size):
+            to_covariance[i, j] = covariance[i, j]
 
 
 @inline

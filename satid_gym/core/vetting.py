@@ -25,7 +25,7 @@ _FREEDOM = 10.0  # spin that a wheel may take up, over what its motor can: a tig
 _LONGEST_OUTAGE = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
 _PATIENCE = 2
 REINITIALISE = -1.0  # verdict on a reading with which momentum is to be started
-_STEP = 0.1  # std of the change of each moment that a run of rejections stands for, relative to the prior
+STEP = 0.1  # std of a sudden change of each moment, relative to the prior: what a run of rejections stands for
 
 
 @inline
@@ -178,7 +178,7 @@ def _inflate(belief, work, p):
     """Add to the covariance a change of theta that came with the first rejection and has moved M since."""
     covariance, steps = belief.covariance, belief.since_rejection * belief.substeps
     for k in range(p):
-        variance = (_STEP * belief.theta_scale[k]) ** 2
+        variance = (STEP * belief.theta_scale[k]) ** 2
         covariance[3 + k, 3 + k] += variance
         for i in range(3):
             moved = steps * work.transition[i, 3 + k]

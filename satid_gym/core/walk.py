@@ -26,14 +26,13 @@ import numpy as np
 
 from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.vetting import distance
+from satid_gym.core.vetting import STEP, distance
 
 _VARIANCE = 4.0  # of e before the first reading, and at most
 _RENEWAL = 0.002  # variance that e gains a second where theta does not walk
 _DOUBT = 2.0
 _LONGEST = 2.0  # change of e by one reading
 _FASTEST = 0.02  # walk, per sqrt(s)
-_STEP = 0.1  # std of a step of each moment, relative to the prior
 _PAUSE = 30.0  # s between two steps: where readings go on to be beyond belief, it is not the inertia
 _STEPPED = 40.0  # normalised innovation squared, of 3 degrees of freedom, that no walk explains: one in 1e8
 
@@ -99,7 +98,7 @@ def step(belief):
     belief.since_step = 0.0
     belief.walk_parameter_variance = _VARIANCE
     for k in range(belief.theta_scale.shape[0]):
-        belief.covariance[3 + k, 3 + k] += (_STEP * belief.theta_scale[k]) ** 2
+        belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2
 
 
 @inline
