@@ -51,7 +51,7 @@ class Comparison:
     """What to compare."""
 
     scenario: str = "default"
-    """The world: default, tight, adaptive, paper or faults."""
+    """The world: default, tight, paper or faults."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to fly."""
     modes: tuple[str, ...] = INERTIA_MODES
@@ -188,7 +188,7 @@ def main() -> int:
     """Run the comparison that the command line asks for; the exit code."""
     comparison = tyro.cli(Comparison, description=__doc__)
     start = time.perf_counter()
-    learned: list[Policy] = list(shipped(comparison.scenario))
+    learned: list[Policy] = list(shipped())
     with refusal():
         comparison.check(learned)
     check_writable(comparison.output)

@@ -27,7 +27,7 @@ class Evaluation:
     beside: tuple[str, ...] = ("rate_square",)
     """Baselines to fly beside it."""
     scenario: str = "default"
-    """The world: default, tight, adaptive, paper or faults."""
+    """The world: default, tight, paper or faults."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to fly."""
     modes: tuple[str, ...] = INERTIA_MODES

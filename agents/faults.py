@@ -9,4 +9,4 @@ from baselines import faults
 from baselines.ending import ended
 
 if __name__ == "__main__":
-    sys.exit(ended(lambda: faults.main(shipped("faults"), "agents.faults")))
+    sys.exit(ended(lambda: faults.main(shipped(), "agents.faults")))

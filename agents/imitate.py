@@ -3,7 +3,8 @@
 DAgger (Ross, Gordon and Bagnell, AISTATS 2011): the network flies, the planner says for every decision of those
 flights to which side it would turn each axis and what that is worth, and the network is fitted to all it has said so
 far, each decision with the weight of its worth: as AggreVaTe (Ross and Bagnell, 2014) it minimises what its choices
-cost, not their number that differ. The planner takes a thousand times as long as the network.
+cost, not their number that differ. The planner takes a thousand times as long as the network,
+and is told what the network has to find out from its observations: how the inertia varies.
 
 A run's folder holds settings, versions, revision, the learning curve, what the teacher said in each round and the
 policy. A run that is stopped at any moment goes on from its last whole round with --resume, with the same result.
@@ -39,6 +40,7 @@ from baselines.provenance import command, read_json, revision, versions, write_b
 from baselines.rate_loop import RateLoop
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.satellite import Satellite
@@ -61,7 +63,7 @@ _GAIN = 16.0  # from log odds to the command, which is cut to [-1, 1]: all but u
 
 
 def teach(network: Network | None, satellite: Satellite, settings: ImitationSettings, flown: int) -> Answers:
-    """Fly episodes and ask the teacher at every decision.
+    """Fly episodes, as many in each inertia mode, and ask the teacher at every decision.
 
     Args:
         network: flies all but the share that the teacher does; None lets the teacher fly all.
@@ -72,13 +74,21 @@ def teach(network: Network | None, satellite: Satellite, settings: ImitationSett
     Returns:
         Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.advantage`; float32.
     """
-    chosen = seeds("training", settings.episodes, flown)
-    env = SatInertiaIDVectorEnv(
-        len(chosen), satellite, settings.inertia, settings.scenario, num_threads=1, include_covariance=True
-    )
+    chosen, modes = seeds("training", settings.episodes, flown), settings.modes
+    shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes) if i < len(chosen)]
+    said = [_teach(network, satellite, mode, settings, share) for mode, share in shares]
+    return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
+
+
+def _teach(
+    network: Network | None, satellite: Satellite, mode: str, settings: ImitationSettings, chosen: Sequence[int]
+) -> Answers:
+    """Episodes of one inertia mode, of which the teacher is told."""
+    env = SatInertiaIDVectorEnv(len(chosen), satellite, mode, settings.scenario, num_threads=1, include_covariance=True)
     (mission,) = missions(env.problem)
     loop = RateLoop([mission], settings.margin)
-    teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin)
+    walk = settings.walks[INERTIA_MODES.index(mode)]
+    teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin, walk=walk)
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)
     taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught

@@ -98,7 +98,7 @@ def laws() -> str:
         [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
         for name in _names(LawRanges)
     ]
-    return markdown(["range", "default, tight, adaptive, faults", "paper, benchmark", "meaning"], rows)
+    return markdown(["range", "default, tight, faults", "paper, benchmark", "meaning"], rows)
 
 
 def faults() -> str:

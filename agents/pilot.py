@@ -99,7 +99,7 @@ class Pairing:
     inertia: str = "step"
     """How its inertia varies: static, step, drift, periodic or random."""
     scenario: str = "default"
-    """The world: default, tight, adaptive, paper or faults."""
+    """The world: default, tight, paper or faults."""
     horizon: float = 300.0
     """Length of the episode, s."""
     seed: int = FIRST_SEED["validation"]

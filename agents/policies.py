@@ -15,10 +15,9 @@ def names() -> list[str]:
     return sorted(path.stem for path in PRETRAINED.glob("*.safetensors"))
 
 
-def shipped(scenario: str = "default") -> list[LearnedPolicy]:
-    """The shipped policies that fly in a scenario: those that were trained in it, and those of the default one."""
-    policies = [LearnedPolicy.load(PRETRAINED / name) for name in names()]
-    return [policy for policy in policies if policy.details["trained"]["settings"]["scenario"] in ("default", scenario)]
+def shipped() -> list[LearnedPolicy]:
+    """The shipped policies."""
+    return [LearnedPolicy.load(PRETRAINED / name) for name in names()]
 
 
 def find(policy: str) -> LearnedPolicy:

@@ -12,6 +12,7 @@ from typing import Any, Literal, Self
 from agents.learned import check_name
 from baselines.provenance import read_json
 from satid_gym.config import check_number, check_whole, unknown_name
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite
 
@@ -178,6 +179,9 @@ class ImitationSettings(Task):
     """Edits of the plan that the teacher tries in each decision."""
     steps: int = 4
     """Steps of the teacher's forecast in each decision."""
+    walks: tuple[float, ...] = (0.0012, 0.0012, 0.0003, 0.004)
+    """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
+    random walk of the inertia, per sqrt(s). It is told the mode, the network is not."""
     epochs: int = 20
     """Passes over all decisions in the last fit."""
     round_epochs: int = 6
@@ -194,6 +198,15 @@ class ImitationSettings(Task):
         for name in ("rounds", "episodes", "edits", "steps", "epochs", "round_epochs", "batch_size"):
             check_whole(name, getattr(self, name))
         check_number("taught", self.taught, high=1.0)
+        if len(self.walks) != len(INERTIA_MODES):
+            raise ValueError(f"walks must be {len(INERTIA_MODES)} numbers, one for each of {INERTIA_MODES}")
+        for walk in self.walks:
+            check_number("walks", walk)
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Inertia modes that are flown."""
+        return INERTIA_MODES if self.inertia == "random" else (self.inertia,)
 
 
 def named(name: str) -> TrainSettings:

@@ -18,7 +18,8 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.open_loop_optimal import DESIGNED_AS, DESIGNS, OpenLoopOptimalPolicy, planned_rates
+from baselines.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
+from baselines.planner import planning_walk
 from baselines.provenance import check_writable, command, revision, versions, write_json
 from baselines.tune import Trial, attempt, best, judge
 from satid_gym.bounds import Course, posterior_bound
@@ -49,7 +50,7 @@ class Design:
     """Of the search."""
     episodes: int = 100
     """Tuning episodes that judge a share of the rate limit."""
-    scenarios: tuple[str, ...] = tuple(name for name in SCENARIOS if name not in DESIGNED_AS)
+    scenarios: tuple[str, ...] = tuple(name for name in SCENARIOS if name not in PREPARED_AS)
     """Scenarios to design for."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to design for."""
@@ -88,11 +89,11 @@ def nominal_course(rates: np.ndarray, satellite: Satellite, samples: int) -> Cou
 
 
 def information(dwell: np.ndarray, satellite: Satellite, scenario: Scenario, fraction: float) -> np.ndarray:
-    """Nats that the default filter knows of the nominal satellite's inertia more than before launch.
+    """Nats by which a filter of the `planning_walk` knows the nominal satellite's inertia better than before launch.
 
     Mean over the flight of 1/2 log(det P of the prior / det P), (N,) for plans (N, 3, K).
     """
-    briefing, settings = brief(satellite, scenario), MomentumEKFSettings()
+    briefing, settings = brief(satellite, scenario), MomentumEKFSettings(inertia_walk=planning_walk(scenario))
     operated = scenario.operate(satellite)
     rates = planned_rates(dwell, operated, fraction, scenario.decisions, scenario.decision_period)
     course = nominal_course(rates, operated, scenario.samples)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.planner import Planner
+from baselines.planner import ADAPTIVE_WALK, Planner
 from baselines.rate_loop import RateLoop
 from satid_gym.config import check_number
 from satid_gym.interface import seed_stream
@@ -30,27 +30,35 @@ class MPCPolicy:
         steps: of the forecast in each decision.
         edits: of the plan that are tried in each decision.
         margin: of the rate loop, see `RateLoop`.
+        walk: of the inertia, per sqrt(s), that it plans with where the scenario's filter is an AdaptiveEKF.
 
     Raises:
-        ValueError: horizon, steps or edits is not a whole number of at least 1, or the margin is negative.
+        ValueError: horizon, steps or edits is not a whole number of at least 1, or margin or walk is negative.
     """
 
     name = "mpc"
     kind: Kind = "closed_loop"
 
-    def __init__(self, horizon: int = 40, steps: int = 2, edits: int = 24, margin: float = 2.75) -> None:
+    def __init__(
+        self,
+        horizon: int = 40,
+        steps: int = 2,
+        edits: int = 24,
+        margin: float = 2.75,
+        walk: float = ADAPTIVE_WALK,
+    ) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps, edits)):
             raise ValueError(
                 "horizon, steps and edits must be whole numbers of at least 1, "
                 f"got {horizon!r}, {steps!r} and {edits!r}"
             )
         self.horizon, self.steps, self.edits = horizon, steps, edits
-        self.margin = check_number("margin", margin)
+        self.margin, self.walk = check_number("margin", margin), check_number("walk", walk)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Take in the satellite and its noise; every search begins with the same plan."""
         self._loop = RateLoop([mission], self.margin)
-        self._planner = Planner(mission, len(seeds), self.steps, self.margin)
+        self._planner = Planner(mission, len(seeds), self.steps, self.margin, self.walk)
         self._streams = np.stack([seed_stream(np.random.default_rng([seed, 3])) for seed in seeds])
         self._left = mission.scenario.decisions
         ahead = np.arange(self.horizon)[:, None]

@@ -22,7 +22,6 @@ from satid_gym.satellite import Satellite
 
 DESIGNS = Path(__file__).with_name("open_loop_optimal.json")
 PREPARED_AS = {"faults": "default"}  # scenarios for which nobody prepares: faults are not known before
-DESIGNED_AS = {**PREPARED_AS, "adaptive": "default"}  # no other world, and a script does not see the filter
 _RESERVE = 0.95  # of torque and of wheel momentum that a plan uses
 
 
@@ -102,7 +101,7 @@ def design_of(satellite: str, scenario: str) -> dict[str, Any]:
     Raises:
         ValueError: there is none.
     """
-    designs, scenario = _designs(), DESIGNED_AS.get(scenario, scenario)
+    designs, scenario = _designs(), PREPARED_AS.get(scenario, scenario)
     if (satellite, scenario) not in designs:
         raise ValueError(
             f"no open-loop design for satellite {satellite!r} in scenario {scenario!r}, only for {sorted(designs)}; "

@@ -26,7 +26,7 @@ from satid_gym.estimators.settings import (
 from satid_gym.policy import Mission
 from satid_gym.scenario import Scenario
 
-_ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an AdaptiveEKF; of .0004 to .004 on tuning seeds
+ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an AdaptiveEKF; of .0003 to .004 on tuning seeds
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,15 +50,16 @@ class Planner:
         episodes: N.
         steps: of the forecast in each decision.
         margin: of the rate loop, see `RateLoop`.
+        walk: of the inertia, per sqrt(s), that forecasts take where the scenario's filter is an AdaptiveEKF.
     """
 
-    def __init__(self, mission: Mission, episodes: int, steps: int, margin: float) -> None:
+    def __init__(self, mission: Mission, episodes: int, steps: int, margin: float, walk: float = ADAPTIVE_WALK) -> None:
         scenario, layout = mission.scenario, mission.layout
         self.craft, self.layout = Craft.of([mission]), layout
         self._margin, self._steps = margin, steps
         self._step = scenario.decision_period / steps
         parameters: Parameters = "principal" if layout["inertia"].stop - layout["inertia"].start == 3 else "full"
-        settings = MomentumEKFSettings(parameters=parameters, inertia_walk=_walk(scenario))
+        settings = MomentumEKFSettings(parameters=parameters, inertia_walk=planning_walk(scenario, walk))
         averaged = np.sqrt(scenario.sample_period / self._step)  # noise of a step's mean over a reading's
         satellite = mission.satellite  # as operated, so that the scenario's factors are in it already
         briefing = brief(satellite, scenario.replace(wheel_speed_scale=1.0, disturbance_scale=1.0))
@@ -144,11 +145,11 @@ class Planner:
         return (craft.mixer[0], craft.carried[0], craft.max_torque[0], limit), self._step, self._steps
 
 
-def _walk(scenario: Scenario) -> float:
+def planning_walk(scenario: Scenario, adaptive: float = ADAPTIVE_WALK) -> float:
     """Inertia walk, per sqrt(s), of the MomentumEKF that a forecast takes for the scenario's filter."""
     own = estimator_settings(scenario.estimator)
     if isinstance(own, AdaptiveEKFSettings):
-        return _ADAPTIVE_WALK
+        return adaptive
     return own.inertia_walk if isinstance(own, MomentumEKFSettings) else MomentumEKFSettings().inertia_walk
 
 

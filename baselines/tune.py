@@ -123,7 +123,7 @@ class Tuning:
 
     episodes: int = 100
     """Episodes that judge a setting."""
-    scenarios: tuple[str, ...] = ("default", "tight", "paper", "adaptive")
+    scenarios: tuple[str, ...] = ("default", "tight", "paper")
     """Scenarios to tune for."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
     """Satellites to tune for."""

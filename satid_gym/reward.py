@@ -36,8 +36,8 @@ class RewardSettings(Config):
 
     criterion: Criterion = "logdet"
     net: bool = False
-    gain_scale: float = 0.1
-    held_scale: float = 0.0
+    gain_scale: float = 0.0
+    held_scale: float = 0.1
     held_reference: float = 0.0
     envelope_weight: float = 10.0
     envelope_margin: float = 0.96

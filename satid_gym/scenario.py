@@ -78,7 +78,7 @@ class Scenario(Config):
     random_attitude: bool = True
     rate_limit: float | None = None
     termination_factor: float = 3.0
-    estimator: str | Mapping[str, Any] = "momentum"
+    estimator: str | Mapping[str, Any] = "adaptive"
     faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
@@ -157,7 +157,6 @@ SCENARIOS: dict[str, Scenario] = {
     for scenario in (
         Scenario(),
         Scenario(name="tight", wheel_speed_scale=0.1),
-        Scenario(name="adaptive", estimator="adaptive"),
         Scenario(
             name="paper",
             sample_period=1.0,

@@ -21,7 +21,7 @@ class Report:
     results: Path = Path("results")
     """Folder with compare.json and report_data.json; the page is written beside them."""
     scenario: str = "default"
-    """Which comparison: default, tight, adaptive, paper or faults."""
+    """Which comparison: default, tight, paper or faults."""
 
 
 def main() -> int:

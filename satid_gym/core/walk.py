@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import dot, load
+from satid_gym.core.algebra import dot, factor, invert, load
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.vetting import STEP, distance
 
@@ -110,70 +110,38 @@ def keep(belief, work):
             work.prior_covariance[3 + i, 3 + j] = belief.covariance[3 + i, 3 + j]
 
 
-@inline
-def _solve(lower, columns, size):
-    """columns = lower^-1 columns, in place."""
-    for j in range(size):
-        for i in range(size):
-            total = columns[i, j]
-            for k in range(i):
-                total -= lower[i, k] * columns[k, j]
-            columns[i, j] = total / lower[i, i]
-
-
-@inline
-def _whiten(lower, matrix, size):
-    """matrix = lower^-1 matrix lower^-T of a symmetric one, in place."""
-    _solve(lower, matrix, size)
-    for i in range(size):
-        for j in range(i):
-            matrix[i, j], matrix[j, i] = matrix[j, i], matrix[i, j]
-    _solve(lower, matrix, size)
-
-
 @outline
 def learn(belief, work):
-    """Take in what an update has done to theta, of which `keep` noted what was known before.
-
-    All is reckoned in coordinates in which P- is the identity: P- = L L^T, C = L^-1 (P- - P+) L^-T.
-    """
+    """Take in what an update has done to theta, of which `keep` noted what was known before."""
     p = belief.theta_scale.shape[0]
-    lower, taken, slope, product = work.block, work.taken, work.slope, work.slope_product
-    moved, lever = work.theta, work.lever
-    for j in range(p):
-        for i in range(j, p):
-            total = work.prior_covariance[3 + i, 3 + j]
-            for k in range(j):
-                total -= lower[i, k] * lower[j, k]
-            if i == j and not total > 0.0:
-                return  # broken, which is found elsewhere
-            lower[i, j] = np.sqrt(total) if i == j else total / lower[j, j]
+    inverse, taken, lost, product = work.inverse, work.taken, work.lost, work.slope_product
+    moved, solved, slope, by_walk = work.theta, work.lever, belief.covariance_slope, belief.theta_slope
+    if not factor(work.prior_covariance, 3, p, work.block) > 0.0:
+        return  # broken, which is found elsewhere
+    invert(work.block, p, inverse)
     for i in range(p):
         moved[i] = belief.mean[3 + i] - work.prior_mean[3 + i]
-        lever[i] = belief.theta_slope[i]
-        for k in range(i):
-            moved[i] -= lower[i, k] * moved[k]
-            lever[i] -= lower[i, k] * lever[k]
-        moved[i] /= lower[i, i]
-        lever[i] /= lower[i, i]
         for j in range(p):
             taken[i, j] = work.prior_covariance[3 + i, 3 + j] - belief.covariance[3 + i, 3 + j]
-            slope[i, j] = belief.covariance_slope[i, j]
-    _whiten(lower, taken, p)
-    _whiten(lower, slope, p)
+    _times(taken, inverse, lost)  # 1 - A
     score = information = 0.0
     for i in range(p):
-        score += moved[i] * lever[i]
+        solved[i] = 0.0
         for j in range(p):
-            score += 0.5 * (moved[i] * moved[j] - taken[i, j]) * slope[i, j]
-            information += lever[i] * taken[i, j] * lever[j]
-            total = 0.0
+            solved[i] += inverse[i, j] * moved[j]  # u
+    for i in range(p):
+        score += solved[i] * by_walk[i]
+        for j in range(p):
+            told = 0.0
             for k in range(p):
-                total += taken[i, k] * slope[k, j]
-            product[i, j] = total
+                told += inverse[i, k] * lost[k, j]  # W
+            product[i, j] = told
+            score += 0.5 * (solved[i] * solved[j] - told) * slope[i, j]
+            information += by_walk[i] * told * by_walk[j]
+    _times(product, slope, taken)
     for i in range(p):
         for j in range(p):
-            information += 0.5 * product[i, j] * product[j, i]
+            information += 0.5 * taken[i, j] * taken[j, i]
     _follow(belief, work)
     variance = 1.0 / (1.0 / belief.walk_parameter_variance + information)
     change = min(max(variance * score, -_LONGEST), _LONGEST)
@@ -184,37 +152,37 @@ def learn(belief, work):
 
 @inline
 def _follow(belief, work):
-    """Derivatives after the update: t and D of `learn` to L (1 - C) (t + D v) and L (1 - C) D (1 - C) L^T."""
+    """Derivatives after the update, with 1 - A in work.lost and u in work.lever."""
     p = belief.theta_scale.shape[0]
-    lower, taken, slope, product = work.block, work.taken, work.slope, work.slope_product
-    moved, lever = work.theta, work.lever
+    slope, by_walk, lost, moved, solved = belief.covariance_slope, belief.theta_slope, work.lost, work.theta, work.lever
     for i in range(p):
-        for k in range(p):
-            lever[i] += slope[i, k] * moved[k]
-    for i in range(p):  # product is C D; slope becomes (1 - C) D (1 - C) = E - E C with E = D - C D
-        moved[i] = lever[i]
-        for k in range(p):
-            moved[i] -= taken[i, k] * lever[k]
-            slope[i, k] -= product[i, k]
-    for i in range(p):
+        moved[i] = by_walk[i]
         for j in range(p):
-            total = slope[i, j]
-            for k in range(p):
-                total -= slope[i, k] * taken[k, j]
-            product[i, j] = total
+            moved[i] += slope[i, j] * solved[j]
+    _times(lost, slope, work.taken)
     for i in range(p):
-        total = 0.0
-        for k in range(i + 1):
-            total += lower[i, k] * moved[k]
-        belief.theta_slope[i] = total
+        by_walk[i] = moved[i]
         for j in range(p):
-            total = 0.0
-            for k in range(j + 1):
-                total += product[i, k] * lower[j, k]
-            slope[i, j] = total
+            by_walk[i] -= lost[i, j] * moved[j]
+            slope[i, j] -= work.taken[i, j]  # A D
     for i in range(p):
         for j in range(i, p):
+            total = slope[i, j]
+            for k in range(p):
+                total -= slope[i, k] * lost[j, k]
+            work.taken[i, j] = work.taken[j, i] = total
+    for i in range(p):
+        for j in range(p):
+            slope[i, j] = work.taken[i, j]
+
+
+@inline
+def _times(a, b, out):
+    """out = a b, square matrices."""
+    size = out.shape[0]
+    for i in range(size):
+        for j in range(size):
             total = 0.0
-            for k in range(i + 1):
-                total += lower[i, k] * slope[k, j]
-            belief.covariance_slope[i, j] = belief.covariance_slope[j, i] = total
+            for k in range(size):
+                total += a[i, k] * b[k, j]
+            out[i, j] = total
