@@ -22,7 +22,8 @@ class Cell:
         satellite, mode: which cell.
         pilots: the policies, each with a clock.
         flights: of each of them.
-        ceiling: what the cell allows; None where the scenario's filter is not the MomentumEKF as it is by default.
+        ceiling: what the cell allows; None where the scenario's filter is neither the AdaptiveEKF nor the MomentumEKF,
+            as they are by default.
     """
 
     satellite: str
@@ -45,7 +46,7 @@ class Cell:
         """Hand a cell to the pool; the policies are copied, for cells fly side by side."""
         pilots = [TimedPolicy(copy.copy(policy)) for policy in policies]
         episodes = {"satellite": satellite, "inertia": mode, "seeds": seeds, "scenario": scenario, "num_threads": 1}
-        bounded = scenario.estimator == "momentum"
+        bounded = scenario.estimator in ("adaptive", "momentum")
         return cls(
             satellite=satellite,
             mode=mode,

@@ -92,8 +92,8 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     """Fly everything; `records`, `pairs`, `bounds` and `efficiencies` as compare.json has them, and `curves`.
 
     `bounds` has what each cell allows, `efficiencies` how far each policy gets; there are none where the
-    scenario's filter is not the MomentumEKF as it is by default. Times of decisions are in `efficiencies`: they are
-    no results.
+    scenario's filter is neither the AdaptiveEKF nor the MomentumEKF, as they are by default. Times of decisions are in
+    `efficiencies`: they are no results.
     `curves` has what the report alone needs, errors against time and one episode in full, and is not for compare.json.
     """
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
@@ -201,7 +201,7 @@ def main() -> int:
         results["records"],
         f"bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds\n"
         f"bound: root mean square error that no estimator beats under any excitation inside the envelope; ideal: "
-        f"this filter's if all samples told as much as the envelope allows; efficiency: bound / achieved\n"
+        f"that of a filter with the best fixed walk if all samples told as much; efficiency: bound / achieved\n"
         f"{results['command']}, revision {results['revision']}, scenario {comparison.scenario}, "
         f"{comparison.seed_split} seeds {first} to {first + count - 1}\n"
         f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s\n"

@@ -56,8 +56,8 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
         ),
         ("the same with 64 environments", f"{figures['vector_64_filter_steps_per_s'] / 1e6:.2f} million"),
         (
-            "the same with 1024, AdaptiveEKF",
-            f"{figures['vector_1024_adaptive_filter_steps_per_s'] / 1e6:.2f} million",
+            "the same with 1024, MomentumEKF",
+            f"{figures['vector_1024_one_walk_filter_steps_per_s'] / 1e6:.2f} million",
         ),
         (
             "`gymnasium.make`",

@@ -10,11 +10,13 @@ import numpy as np
 from baselines.recording import record
 from baselines.simple import ZeroPolicy
 from satid_gym.bounds import envelope_bound, ideal_error, population_bound
-from satid_gym.estimators.settings import MomentumEKFSettings, brief
+from satid_gym.estimators.settings import AdaptiveEKFSettings, MomentumEKFSettings, RateEKFSettings, brief
 from satid_gym.metrics import final_error
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario
+
+_WALKS = (0.0, *np.geomspace(1e-4, 0.01, 13).tolist())  # per sqrt(s)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -23,7 +25,8 @@ class Ceiling:
 
     Attributes:
         bound: (D,) no estimator beats it, not one that knows the law, under any excitation in the envelope.
-        ideal: (D,) the cell's own filter if every sample told as much as the envelope allows; not a bound.
+        ideal: (D,) the cell's own filter if every sample told as much as the envelope allows; not a bound. For an
+            AdaptiveEKF: a MomentumEKF of the fixed walk that serves the cell best, told when the inertia steps.
     """
 
     bound: np.ndarray
@@ -47,21 +50,28 @@ def ceiling(satellite: str, mode: str, chosen: Sequence[int], scenario: Scenario
     """What the truths of a cell's episodes allow.
 
     Raises:
-        ValueError: the scenario's filter is not the MomentumEKF.
+        ValueError: the scenario's filter is neither the MomentumEKF nor the AdaptiveEKF.
     """
     settings = problem(satellite, mode, scenario).estimator
-    if not isinstance(settings, MomentumEKFSettings):
+    if isinstance(settings, RateEKFSettings):
         raise ValueError(f"bounds are for the MomentumEKF's model; scenario {scenario.name!r} has {settings.name!r}")
+    adaptive = isinstance(settings, AdaptiveEKFSettings)
+    walks = _WALKS if adaptive else (settings.inertia_walk,)
+    filters = [MomentumEKFSettings(parameters=settings.parameters, inertia_walk=walk) for walk in walks]
     recording = record(ZeroPolicy(), satellite=satellite, inertia=mode, seeds=chosen, scenario=scenario)
     course, briefing = recording.course, brief(SATELLITES[satellite], scenario)
-    operated, static = scenario.operate(SATELLITES[satellite]), settings.replace(inertia_walk=0.0)
+    operated, static = scenario.operate(SATELLITES[satellite]), filters[0].replace(inertia_walk=0.0)
     bound = envelope_bound(course, operated, briefing, static, recording.dt, law_known=True)
-    ideal = ideal_error(course, operated, briefing, settings, recording.dt)
     decisions = slice(scenario.samples, None, scenario.samples)
-    relative = ideal.sum(axis=2) / np.square(course.inertia).sum(axis=(2, 3))
+
+    def ideal(settings: MomentumEKFSettings) -> np.ndarray:
+        error = ideal_error(course, operated, briefing, settings, recording.dt, finds_steps=adaptive)
+        relative = error.sum(axis=2) / np.square(course.inertia).sum(axis=(2, 3))
+        return np.sqrt(relative.mean(axis=0))[decisions]
+
     return Ceiling(
         bound=np.sqrt(population_bound(bound, course.inertia))[decisions],
-        ideal=np.sqrt(relative.mean(axis=0))[decisions],
+        ideal=min((ideal(settings) for settings in filters), key=_final),
     )
 
 

@@ -1,8 +1,8 @@
 """Open-loop D-optimal design by the cross-entropy method: `python -m baselines.design`.
 
-Plans are judged on the nominal satellite by the posterior bound's mean log det over the flight: what the
-default filter would know. Then the share of the rate limit to aim at is chosen on the tuning seeds by the
-rule of `python -m baselines.tune`, for an open loop has to leave room for motor noise and unknown inertia.
+Plans are judged on the nominal satellite by the posterior bound's mean log det over the flight: what a filter with
+the planners' walk would know. Then the share of the rate limit to aim at is chosen on the tuning seeds by the rule
+of `python -m baselines.tune`, for an open loop has to leave room for motor noise and unknown inertia.
 """
 
 from __future__ import annotations

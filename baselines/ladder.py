@@ -133,7 +133,7 @@ def information(recording: Recording, briefing: Briefing) -> dict[str, float]:
     """Log det of the information on relative moments, mean over the episodes.
 
     Returns:
-        "logdet": Fisher's, of the whole flight; "held": the default filter's, mean over the final window.
+        "logdet": Fisher's, of the whole flight; "held": the MomentumEKF's, mean over the final window.
     """
     scale = briefing.theta_scale("principal")
     bounds = [

@@ -17,7 +17,7 @@ torch.set_num_threads(1)  # the network is small: a second thread only takes cor
 
 # The network commands body rates; the rate loop turns them into torque. What is paid for is information held.
 settings = TrainSettings(name="mine", satellite="microsat", margin=2.6)
-reward = RewardSettings(gain_scale=0.0, held_scale=0.5, held_reference=16.0, envelope_margin=1.0)
+reward = RewardSettings(held_scale=0.5, held_reference=22.0, envelope_margin=1.0)
 env = RateCommandVecEnv(
     64,
     margin=settings.margin,

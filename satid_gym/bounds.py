@@ -38,9 +38,12 @@ from satid_gym.core import momentum_filter
 from satid_gym.core.algebra import add_diagonal, congruence, inverse, load, load_symmetric, store_symmetric
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.kalman import estimated_inertia, update, write_times_regressor
+from satid_gym.core.vetting import STEP
 from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.settings import PRODUCTS, Briefing, MomentumEKFSettings, inertia_parameters
 from satid_gym.satellite import Satellite
+
+_SUDDEN = 0.02  # change of a parameter from one instant to the next, over its scale, that is a step
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -224,24 +227,42 @@ def _relative(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
 
 
 def ideal_error(
-    course: Course, satellite: Satellite, briefing: Briefing, settings: MomentumEKFSettings, dt: float
+    course: Course,
+    satellite: Satellite,
+    briefing: Briefing,
+    settings: MomentumEKFSettings,
+    dt: float,
+    *,
+    finds_steps: bool = False,
 ) -> np.ndarray:
     """Mean square error (N, T, p) of a given filter if every sample told as much as the envelope allows.
 
     Not a bound: what its tuning leaves of the envelope bound for the true course of the inertia. The filter's
     gain is that of its own Riccati equation; the error is the noise it lets through and its lag, squared.
+
+    Args:
+        course: truth, of N episodes at T instants.
+        satellite: with the limits it is operated with.
+        briefing: what the filter knows.
+        settings: of the filter.
+        dt: s between two instants.
+        finds_steps: whether the filter is told when the inertia steps, as the AdaptiveEKF would find it.
     """
     theta = inertia_parameters(course.inertia, settings.parameters)
     information = sample_information(rate_cap(course, satellite, dt), course.inertia, briefing, theta.shape[2])
     believed = np.broadcast_to(briefing.prior_theta_std(settings.parameters) ** 2, theta[:, 0].shape)
-    walk = (settings.inertia_walk * briefing.theta_scale(settings.parameters)) ** 2 * dt
+    scale = briefing.theta_scale(settings.parameters)
+    walk = (settings.inertia_walk * scale) ** 2 * dt
     lag = inertia_parameters(briefing.inertia, settings.parameters) - theta[:, 0]
     noise = np.zeros_like(lag)
     out = np.empty_like(theta)
     for k in range(theta.shape[1]):
         if k > 0:
-            believed = believed + walk
-            lag = lag + theta[:, k - 1] - theta[:, k]
+            change = theta[:, k] - theta[:, k - 1]
+            believed, lag = believed + walk, lag - change
+            if finds_steps:
+                stepped = (np.abs(change) > _SUDDEN * scale).any(axis=1, keepdims=True)
+                believed = believed + np.where(stepped, (STEP * scale) ** 2, 0.0)
         told = believed * information[:, k]
         believed, lag = believed / (1.0 + told), lag / (1.0 + told)
         noise = (noise / (1.0 + told) + believed * told) / (1.0 + told)

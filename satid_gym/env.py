@@ -79,15 +79,18 @@ without the 3 x p block that `correlation` holds |
 
     | term | default weight | meaning |
     |---|---|---|
-    | gained | 0.1 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
+    | gained | 0 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
 covariance of the inertia parameters, in nats; never negative, but where the AdaptiveEKF finds a step |
-    | held | 0 | nats by which the inertia is better known at the decision's end than before launch |
+    | held | 0.1 | nats by which the inertia is better known at the decision's end than before launch: \
+1/2 log(det P before launch / det P) |
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
 over the rate limit, less 0.96, where positive |
     | effort | 0 | mean square of the action, 0 to 1 |
 
-    `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` the change over the
-    decision instead of the sum of gains; see `RewardSettings`. No term sees the truth.
+    `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` makes what is gained the
+    change over the decision instead of the sum; see `RewardSettings`. No term sees the truth.
+    What updates gain grows with what the filter forgets between them, and the AdaptiveEKF can be made to forget: hence
+    what is held is paid for.
 
     ## Starting state
     True moments lognormal (15 %) about nominal, filter's prior at nominal (30 %); wheels uniform within 20 %
@@ -124,9 +127,10 @@ over the rate limit, less 0.96, where positive |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "random", a `Satellite`, or a list to draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
-    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "adaptive" (the AdaptiveEKF), \
-"paper", "faults", or a `Scenario` |
-    | estimator | "momentum" | "momentum", "adaptive", "rate", their settings, or any object that follows `Estimator` |
+    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", "faults", \
+or a `Scenario` |
+    | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
+None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
 `scenario={"horizon": seconds}` |

@@ -216,7 +216,7 @@ def test_paper_satellites():
 
 
 def test_scenarios():
-    assert sorted(SCENARIOS) == ["adaptive", "default", "faults", "paper", "tight"]
+    assert sorted(SCENARIOS) == ["default", "faults", "paper", "tight"]
     default, tight, paper = SCENARIOS["default"], SCENARIOS["tight"], SCENARIOS["paper"]
     assert (default.decisions, default.samples, paper.samples) == (300, 10, 1)
     microsat = SATELLITES["microsat"]
@@ -226,9 +226,7 @@ def test_scenarios():
     assert brief(SATELLITES["cubesat"], paper).inertia[0, 0] == pytest.approx(0.80 * 0.26)
     assert brief(microsat, paper).inertia[0, 0] == pytest.approx(0.85 * 6.53)
     assert problem(scenario="paper").estimator == RateEKFSettings()
-    assert problem().estimator == MomentumEKFSettings()
-    assert problem(scenario="adaptive").estimator == AdaptiveEKFSettings()
-    assert SCENARIOS["adaptive"].replace(name="default", estimator="momentum") == default
+    assert problem().estimator == problem(scenario="tight").estimator == AdaptiveEKFSettings()
     assert problem(scenario="faults").estimator == MomentumEKFSettings(gate=1e-6)
     assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
 

@@ -16,7 +16,7 @@ from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
 from tests.fuzz.spoil import refused, refuses_actions, spoil
 
 CHANCE = st.randoms(use_true_random=False)
-GROUPS = [Group(wheels=3, parameters="principal", estimator=name) for name in ("momentum", "rate")]
+GROUPS = [Group(wheels=3, parameters="principal", estimator=name) for name in ("adaptive", "momentum", "rate")]
 
 
 @pytest.mark.parametrize("group", GROUPS, ids=str)

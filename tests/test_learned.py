@@ -160,7 +160,5 @@ def test_the_exported_network_equals_torch(tmp_path):
     assert props == {"control": "rate", "margin": "2.4", "include_covariance": "False"}
 
 
-def test_a_policy_trained_in_another_scenario_flies_in_that_one_alone():
+def test_what_is_shipped():
     assert [policy.name for policy in shipped()] == ["generalist", "ppo"]
-    assert [policy.name for policy in shipped("tight")] == ["generalist", "ppo"]
-    assert [policy.name for policy in shipped("adaptive")] == ["generalist", "generalist_adaptive", "ppo"]

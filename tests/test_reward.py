@@ -132,12 +132,12 @@ def test_reward_is_a_tenth_of_the_information_inside_the_envelope(criterion):
     for step in range(30):
         _, reward, _, _, info = env.step(square_wave(step, 0.05))
         assert info["cost"] == 0.0
-        assert reward == pytest.approx(0.1 * info["information_gain"], rel=1e-12)
+        assert reward == pytest.approx(0.1 * info["information_held"], rel=1e-12)
     assert info["information_held"] > 5.0
 
 
 def test_effort_is_the_mean_square_of_the_action_cut_to_the_limits():
-    reward = {"gain_scale": 0.0, "envelope_weight": 0.0, "effort_weight": 2.0}
+    reward = {"held_scale": 0.0, "envelope_weight": 0.0, "effort_weight": 2.0}
     env = SatInertiaIDEnv(reward=reward)
     env.reset(seed=1)
     # (1 + 1/4 + 0) / 3 = 5/12, and (1 + 1/16 + 0) / 3 with 7 cut to 1
@@ -149,7 +149,7 @@ def test_effort_is_the_mean_square_of_the_action_cut_to_the_limits():
 
 def test_envelope_penalty_by_hand():
     """Largest readings of the decision 0.97, 0.5 and 1.2 limits, margin 0.96: 10 (0.01 + 0 + 0.24) = 2.5."""
-    env = SatInertiaIDEnv(reward={"gain_scale": 0.0})
+    env = SatInertiaIDEnv(reward={"held_scale": 0.0})
     env.reset(seed=1)
     observation = np.zeros((env.observation_space.shape[0]), np.float32)
     env._reports["peak_rate"][0] = np.array([0.97, 0.5, 1.2]) * 0.03
@@ -160,7 +160,7 @@ def test_envelope_penalty_by_hand():
 def test_envelope_penalty_counts_the_largest_reading_of_the_decision():
     recorder = Recorder()
     env = SatInertiaIDEnv(
-        reward={"gain_scale": 0.0, "envelope_weight": 3.0, "envelope_margin": 0.5}, estimator=recorder
+        reward={"held_scale": 0.0, "envelope_weight": 3.0, "envelope_margin": 0.5}, estimator=recorder
     )
     env.reset(seed=2)
     penalties = []
@@ -198,7 +198,7 @@ def test_net_gain_telescopes_and_held_is_its_sum():
 def test_summed_gain_exceeds_net_gain_by_what_the_filter_forgot():
     runs = {}
     for net in (False, True):
-        env = SatInertiaIDEnv(reward={"net": net})
+        env = SatInertiaIDEnv(reward={"net": net}, estimator="momentum")
         env.reset(seed=1)
         runs[net] = np.array([env.step(square_wave(step, 0.05))[4]["information_gain"] for step in range(60)])
     assert (runs[False] >= 0.0).all(), "an update never loses information"
@@ -211,9 +211,10 @@ def test_summed_gain_exceeds_net_gain_by_what_the_filter_forgot():
 
 
 def test_held_information_pays_by_its_own_scale():
-    env = SatInertiaIDEnv(reward={"gain_scale": 0.0, "held_scale": 0.5, "held_reference": 3.0})
+    env = SatInertiaIDEnv(reward={"gain_scale": 0.2, "held_scale": 0.5, "held_reference": 3.0})
     env.reset(seed=1)
     for step in range(20):
         _, reward, _, _, info = env.step(square_wave(step, 0.05))
-        assert reward == pytest.approx(0.5 * (info["information_held"] - 3.0), rel=1e-12)
-    assert RewardSettings().held_scale == 0.0
+        held, gained = info["information_held"], info["information_gain"]
+        assert reward == pytest.approx(0.5 * (held - 3.0) + 0.2 * gained, rel=1e-12)
+    assert RewardSettings().gain_scale == 0.0

@@ -374,7 +374,7 @@ def test_covariance_is_symmetric_to_the_bit_whatever_fails(microsat):
 def test_a_rejected_outlier_costs_no_reward():
     """What the filter takes for an outlier is no excess of the envelope: the body is at rest here."""
     scenario = world(60.0, gyro_outlier=0.02, gyro_outlier_size=(2000.0, 2000.0)).replace(disturbance_scale=0.0)
-    env = SatInertiaIDEnv(scenario=scenario, reward={"gain_scale": 0.0})
+    env = SatInertiaIDEnv(scenario=scenario, reward={"held_scale": 0.0})
     env.reset(seed=0)
     rewards = []
     for _ in range(60):

@@ -84,7 +84,7 @@ def test_a_planner_forecasts_with_a_walk_between_those_that_the_adaptive_filter_
     """Under each inertia law the filter's own uncertainty is now above, now below what the planner keeps."""
     ratios = {}
     for mode in ("static", "periodic"):
-        env = SatInertiaIDVectorEnv(8, "microsat", mode, benchmark_scenario("adaptive"))
+        env = SatInertiaIDVectorEnv(8, "microsat", mode, benchmark_scenario())
         (mission,) = missions(env.problem)
         planner, loop = Planner(mission, 8, 2, 2.5), RateLoop([mission], 2.5)
         observation, _ = env.reset(seed=5)

@@ -17,11 +17,11 @@ from satid_gym.evaluation import benchmark_scenario, seeds
 @pytest.mark.compiled
 def test_readings_filtered_anew_give_what_the_environments_filter_gave():
     flown = record(
-        make_baseline("rate_square", "microsat", "adaptive"),
+        make_baseline("rate_square", "microsat"),
         satellite="microsat",
         inertia="step",
         seeds=seeds("tuning", 2),
-        scenario=benchmark_scenario("adaptive"),
+        scenario=benchmark_scenario(),
     )
     truth = np.diagonal(flown.course.inertia, axis1=2, axis2=3)
     error = np.linalg.norm(flown.theta - truth, axis=2) / np.linalg.norm(truth, axis=2)

@@ -149,9 +149,10 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             # how fast theta walks, where that is found out, see core.walk; void where `adaptive` is 0
             ("adaptive", _I),
             ("first_walk", _F),  # per sqrt(s)
-            ("least_walk", _F),  # that matters
+            ("least_walk", _F),  # below it the variance is estimated, not its logarithm
             ("walk_drift", _F),  # variance that its parameter gains a second
             ("walk_parameter", _F),
+            ("most_walk_parameter", _F),
             ("walk_parameter_variance", _F),
             ("theta_slope", _F, p),  # derivative of theta by the parameter
             ("covariance_slope", _F, (p, p)),  # of its covariance

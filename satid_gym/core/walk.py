@@ -41,6 +41,7 @@ _STEPPED = 40.0  # normalised innovation squared, of 3 degrees of freedom, that 
 def start(belief):
     """Before the first reading."""
     belief.walk_parameter = parameter(belief.first_walk, belief.least_walk)
+    belief.most_walk_parameter = parameter(_FASTEST, belief.least_walk)
     belief.walk_parameter_variance = _VARIANCE
     belief.steps = 0
     belief.since_step = _PAUSE
@@ -68,7 +69,8 @@ def predict(belief, dt):
     """Set the walk of the dt seconds to come, and what it does to the derivatives."""
     e, least = belief.walk_parameter, belief.least_walk**2
     if e >= 0.0:
-        variance, slope, share = least * np.exp(e), least * np.exp(e), 1.0
+        variance = slope = least * np.exp(e)
+        share = 1.0
     else:
         doubt = -e * _DOUBT * np.sqrt(belief.walk_parameter_variance)
         variance, slope, share = least * max(0.0, 1.0 + e - doubt), least, (1.0 + e) ** 2
@@ -145,8 +147,7 @@ def learn(belief, work):
     _follow(belief, work)
     variance = 1.0 / (1.0 / belief.walk_parameter_variance + information)
     change = min(max(variance * score, -_LONGEST), _LONGEST)
-    most = parameter(_FASTEST, belief.least_walk)
-    belief.walk_parameter = min(max(belief.walk_parameter + change, -1.0), most)
+    belief.walk_parameter = min(max(belief.walk_parameter + change, -1.0), belief.most_walk_parameter)
     belief.walk_parameter_variance = variance
 
 

@@ -149,7 +149,7 @@ class CompiledEKF:
 
 
 class MomentumEKF(CompiledEKF):
-    """The default filter, in momentum coordinates: x = [M, theta, tau].
+    """The EKF in momentum coordinates, with one walk of the inertia: x = [M, theta, tau].
 
     Args:
         **settings: fields of `MomentumEKFSettings`.
@@ -162,7 +162,7 @@ class MomentumEKF(CompiledEKF):
 
 
 class AdaptiveEKF(CompiledEKF):
-    """The MomentumEKF that finds out how fast the inertia walks, and when it steps.
+    """The default filter: the MomentumEKF that finds out how fast the inertia walks, and when it steps.
 
     Args:
         **settings: fields of `AdaptiveEKFSettings`.
