@@ -48,7 +48,7 @@ def test_a_recording_is_the_flight_that_the_benchmark_scores(inertia: str) -> No
 
 def test_the_walk_of_the_truth_is_the_filters() -> None:
     cell = {"satellite": "microsat", "inertia": "static", "seeds": seeds("validation", 30)}
-    recording = record(build("rate_square", SQUARE), as_modelled=True, **cell)
+    recording = record(build("rate_square", SQUARE), as_modelled=True, estimator="momentum", **cell)
     theta = np.diagonal(recording.course.inertia, axis1=2, axis2=3)
     steps = np.diff(theta, axis=1) / np.diag(SATELLITES["microsat"].inertia)
     assert steps.std() == pytest.approx(0.004 * np.sqrt(0.1), rel=0.01)
@@ -77,7 +77,7 @@ def test_knowing_the_law_makes_every_mode_as_good_as_static() -> None:
     found = {}
     for mode in ("static", "drift", "periodic", "step"):
         cell = {"satellite": "cubesat", "inertia": mode, "seeds": seeds("validation", 12)}
-        recording = record(build("rate_square", SQUARE), scenario=benchmark_scenario(), **cell)
+        recording = record(build("rate_square", SQUARE), scenario=benchmark_scenario(), estimator="momentum", **cell)
         told = told_the_law(recording, "cubesat", benchmark_scenario())
         found[mode] = np.sqrt(square_error(told, recording).mean())
         assert found[mode] < 0.1 * np.sqrt(square_error(recording.theta, recording).mean())
@@ -85,7 +85,7 @@ def test_knowing_the_law_makes_every_mode_as_good_as_static() -> None:
         assert found[mode] == pytest.approx(found["static"], rel=0.35)
 
 
-@pytest.mark.parametrize("mode", ["static", "periodic"])
+@pytest.mark.parametrize("mode", ["static", "step", "periodic"])
 def test_no_policy_beats_its_ceiling(mode: str) -> None:
     chosen, world = seeds("validation", 12), benchmark_scenario()
     top = ceiling("smallsat", mode, chosen, world)
@@ -101,6 +101,22 @@ def test_no_policy_beats_its_ceiling(mode: str) -> None:
 def test_ceiling_is_for_the_momentum_filter() -> None:
     with pytest.raises(ValueError, match=r"bounds are for the MomentumEKF's model; scenario 'paper' has 'rate'"):
         ceiling("cubesat", "static", [0, 1], benchmark_scenario("paper"))
+
+
+def test_the_ideal_of_a_filter_that_finds_steps_begins_anew_at_one() -> None:
+    """Without a walk: before the step the same; then (0.1 scale)^2 more, of which the readings since leave their share."""
+    recording = record(build("zero", {}), satellite="microsat", inertia="step", seeds=[0], scenario="default")
+    satellite, briefing = SATELLITES["microsat"], brief(SATELLITES["microsat"], benchmark_scenario())
+    blind, finding = (
+        ideal_error(recording.course, satellite, briefing, LAW_KNOWN, recording.dt, finds_steps=told)[0]
+        for told in (False, True)
+    )
+    theta = recording.course.inertia[0].diagonal(axis1=1, axis2=2)
+    at = int(np.abs(np.diff(theta[:, 0])).argmax()) + 1
+    np.testing.assert_array_equal(blind[:at], finding[:at])
+    change = (theta[at] - theta[at - 1]) ** 2
+    assert (blind[-1] > 0.01 * change).all()
+    assert (finding[at + 1 :][-1] < 1e-4 * change).all()
 
 
 def test_ideal_error_of_a_static_inertia_by_hand() -> None:

@@ -102,12 +102,13 @@ def test_a_damaged_round_is_refused_and_without_it_the_run_goes_on(finished, tmp
         assert (folder / name).read_bytes() == (finished / name).read_bytes()
 
 
-def test_the_teacher_says_what_it_flies() -> None:
-    """Without a network the teacher's flight is that of the policy in the same episodes.
+@pytest.mark.parametrize(("mode", "walk"), [("step", 0.0012), ("drift", 0.0003)])
+def test_the_teacher_says_what_it_flies(mode: str, walk: float) -> None:
+    """Without a network the teacher's flight is that of the policy in the same episodes, told the mode's walk.
 
     Few of its sides are worth less than their opposites: the search has not tried everything.
     """
-    settings = ImitationSettings(episodes=2, inertia="step")
+    settings = ImitationSettings(episodes=2, inertia=mode)
     observations, advantages = imitate.teach(None, SATELLITES["smallsat"], settings, 40)
 
     class Listening(MPCPolicy):
@@ -119,8 +120,8 @@ def test_the_teacher_says_what_it_flies() -> None:
             self.heard.append(np.concatenate([observation, command], axis=1))
             return command
 
-    policy = Listening(steps=settings.steps, edits=settings.edits, margin=settings.margin)
-    fly(policy, satellite="smallsat", inertia="step", seeds=seeds("training", 2, 40))
+    policy = Listening(steps=settings.steps, edits=settings.edits, margin=settings.margin, walk=walk)
+    fly(policy, satellite="smallsat", inertia=mode, seeds=seeds("training", 2, 40))
     heard = np.concatenate(policy.heard)
     np.testing.assert_array_equal(observations, heard[:, :SIZE])
     commands = heard[:, SIZE:]
@@ -135,7 +136,7 @@ def test_a_network_flies_what_the_teacher_does_not() -> None:
 
     settings = ImitationSettings(episodes=8, edits=1, taught=0.4)
     observations, advantages = imitate.teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
-    rates = np.abs(observations.reshape(-1, 8, SIZE)[50:, :, LAYOUT["rate"]]).mean(axis=(0, 2))
+    rates = np.abs(observations.reshape(4, -1, 2, SIZE)[:, 50:, :, LAYOUT["rate"]]).mean(axis=(1, 3)).ravel()
     assert sorted(set(np.where(rates < 0.2, "network", np.where(rates > 0.6, "teacher", "neither")))) == [
         "network",
         "teacher",
@@ -192,6 +193,8 @@ def test_settings_are_checked() -> None:
         ({"rounds": 0}, "rounds must be a whole number of at least 1, got 0"),
         ({"taught": 1.5}, "taught must be finite and at least 0 and at most 1"),
         ({"satellite": "cube"}, "unknown satellite 'cube'"),
+        ({"walks": (0.001,)}, "walks must be 4 numbers, one for each of"),
+        ({"walks": (0.001, 0.001, -0.001, 0.001)}, "walks must be finite and at least 0"),
     ):
         with pytest.raises(ValueError, match=words):
             ImitationSettings(**changes)

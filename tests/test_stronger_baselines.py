@@ -189,6 +189,8 @@ def test_bad_settings_are_refused() -> None:
         MPCPolicy(edits=0)
     with pytest.raises(ValueError, match="margin must be finite and at least 0"):
         MPCPolicy(margin=-1.0)
+    with pytest.raises(ValueError, match="walk must be finite and at least 0"):
+        MPCPolicy(walk=-0.001)
 
 
 # open loop

@@ -29,8 +29,14 @@ CASES: dict[str, dict[str, Any]] = {
     "paper, cubesat": {"satellite": "cubesat", "inertia": "step", "scenario": "paper"},
     "paper, smallsat, momentum": {"satellite": "smallsat", "scenario": "paper", "estimator": "momentum"},
     "default, microsat, rate": {"satellite": "microsat", "inertia": "periodic", "estimator": "rate"},
-    "reward trace, net": {"satellite": "cubesat", "reward": {"criterion": "trace", "net": True, "gain_scale": 0.1, "effort_weight": 0.1}},
-    "reward maxeig, held": {"satellite": "microsat", "reward": {"criterion": "maxeig", "held_scale": 0.01, "gain_scale": 0.1}},
+    "reward trace, net": {
+        "satellite": "cubesat",
+        "reward": {"criterion": "trace", "net": True, "gain_scale": 0.1, "effort_weight": 0.1},
+    },
+    "reward maxeig, held": {
+        "satellite": "microsat",
+        "reward": {"criterion": "maxeig", "held_scale": 0.01, "gain_scale": 0.1},
+    },
     "one walk, microsat": {"satellite": "microsat", "inertia": "step", "estimator": "momentum"},
 }
 
