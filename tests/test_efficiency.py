@@ -104,7 +104,7 @@ def test_ceiling_is_for_the_momentum_filter() -> None:
 
 
 def test_the_ideal_of_a_filter_that_finds_steps_begins_anew_at_one() -> None:
-    """Without a walk: before the step the same; then (0.1 scale)^2 more, of which the readings since leave their share."""
+    """Before the step the same; a filter without walk then keeps its lag, one that finds the step loses it."""
     recording = record(build("zero", {}), satellite="microsat", inertia="step", seeds=[0], scenario="default")
     satellite, briefing = SATELLITES["microsat"], brief(SATELLITES["microsat"], benchmark_scenario())
     blind, finding = (
