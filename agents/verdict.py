@@ -1,7 +1,7 @@
 """Hold the learned policies against what is asked of them: `python -m agents.verdict`.
 
 Reads what `python -m agents.compare` wrote (and, where it is there, `--scenario tight`) and flies one satellite that
-no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short. With `--scenario adaptive`
+no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short. With `--scenario NAME`
 the same of the results in that scenario.
 """
 
