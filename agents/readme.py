@@ -23,26 +23,26 @@ _ORDER = {"learned": 0, "closed_loop": 1, "scripted": 2, "reference": 3}
 
 
 def results_table(results: Mapping[str, Any]) -> str:
-    """Markdown table: final error and share of time outside by policy and satellite, mean over inertia modes."""
+    """Markdown table: final error by policy and inertia mode, mean over satellites, and share of time outside.
+
+    Policies of a kind stand in the order of their geometric mean over the modes.
+    """
     records: Sequence[Mapping[str, Any]] = results["records"]
-    satellites = list(dict.fromkeys(r["satellite"] for r in records))
+    modes = list(dict.fromkeys(r["inertia_mode"] for r in records))
     policies = dict.fromkeys((r["policy"], r["kind"]) for r in records if r["kind"] in _ORDER)
 
-    def mean(policy: str, satellite: str, name: str) -> float:
-        chosen = [r[name] for r in records if r["policy"] == policy and r["satellite"] == satellite]
-        return float(np.mean(chosen))
+    def mean(policy: str, name: str, mode: str | None = None) -> float:
+        return float(np.mean([r[name] for r in records if r["policy"] == policy and mode in (None, r["inertia_mode"])]))
 
     def rank(item: tuple[str, str]) -> tuple[int, float]:
-        return _ORDER[item[1]], float(np.mean([mean(item[0], s, "final_error_mean") for s in satellites]))
+        return _ORDER[item[1]], float(np.mean([np.log(mean(item[0], "final_error_mean", mode)) for mode in modes]))
 
-    lines = [f"| policy | kind | {' | '.join(satellites)} |", "|---|---|" + "---|" * len(satellites)]
+    lines = [f"| policy | kind | {' | '.join(modes)} | outside |", "|---|---|" + "---|" * (len(modes) + 1)]
     for policy, kind in sorted(policies, key=rank):
-        cells = [
-            f"{100 * mean(policy, s, 'final_error_mean'):.3g} ({100 * mean(policy, s, 'outside_fraction'):.1f} %)"
-            for s in satellites
-        ]
+        errors = [f"{100 * mean(policy, 'final_error_mean', mode):#.3g}" for mode in modes]
         name = f"**{policy}**" if kind == "learned" else policy
-        lines.append(f"| {name} | {kind.replace('_', ' ')} | {' | '.join(cells)} |")
+        outside = f"{100 * mean(policy, 'outside_fraction'):.1f} %"
+        lines.append(f"| {name} | {kind.replace('_', ' ')} | {' | '.join(errors)} | {outside} |")
     source = f"Revision {results['revision']}, {results['command'].split(' --output')[0]}."
     return "\n".join([*lines, "", source])
 

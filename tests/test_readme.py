@@ -22,16 +22,31 @@ def test_its_first_commands_are_targets_of_the_makefile():
         assert re.search(rf"^{target}: setup", makefile, flags=re.MULTILINE)
 
 
-def test_the_table_is_made_of_means_over_modes():
+def test_the_table_is_made_of_means_over_satellites():
+    """Rows by kind, then by the geometric mean over modes: c is ahead of a, which has less in the mean."""
+    flown = {"a": ("scripted", 0.01, 0.03), "b": ("learned", 0.001, 0.002), "c": ("scripted", 0.001, 0.05)}
     records = [
-        {"policy": p, "kind": k, "satellite": "s", "inertia_mode": m, "final_error_mean": e, "outside_fraction": 0.01}
-        for p, k, errors in (("a", "scripted", (0.01, 0.03)), ("b", "learned", (0.001, 0.002)))
-        for m, e in zip(("static", "step"), errors, strict=True)
+        {
+            "policy": policy,
+            "kind": kind,
+            "satellite": satellite,
+            "inertia_mode": mode,
+            "final_error_mean": factor * error,
+            "outside_fraction": 0.01 * factor,
+        }
+        for policy, (kind, *errors) in flown.items()
+        for satellite, factor in (("s", 0.5), ("t", 1.5))
+        for mode, error in zip(("static", "step"), errors, strict=True)
     ]
     table = readme.results_table(
         {"records": records, "revision": "r", "command": "python -m agents.compare --output x"}
     )
-    assert table.splitlines()[2:4] == ["| **b** | learned | 0.15 (1.0 %) |", "| a | scripted | 2 (1.0 %) |"]
+    assert table.splitlines()[0] == "| policy | kind | static | step | outside |"
+    assert table.splitlines()[2:5] == [
+        "| **b** | learned | 0.100 | 0.200 | 1.0 % |",
+        "| c | scripted | 0.100 | 5.00 | 1.0 % |",
+        "| a | scripted | 1.00 | 3.00 | 1.0 % |",
+    ]
     assert table.endswith("Revision r, python -m agents.compare.")
 
 
