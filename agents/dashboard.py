@@ -16,7 +16,7 @@ from agents.pilot import Pilot
 
 AXES = ("#ff8a65", "#5ed9a5", "#6caaff")  # x, y, z, as in the rendered frames
 _BLOCKS = " ▁▂▃▄▅▆▇█"
-_RANGE = (-3.3, -0.5)  # log10 of the relative errors and standard deviations that sparklines show
+_RANGE = (-4.3, -0.5)  # log10 of the relative errors and standard deviations that sparklines show
 _REACH = 1.25  # limits that a bar shows
 _LABEL = 8  # characters left of a bar or sparkline
 _VALUE = 9  # and right of it
@@ -114,7 +114,7 @@ def _panel(pilot: Pilot, width: int) -> Panel:
 
 
 def _percent(share: float, style: str) -> Text:
-    digits = 2 if share < 0.1 else 1
+    digits = 3 if share < 0.01 else 2 if share < 0.1 else 1
     return Text(f"{100 * share:.{digits}f} %", style)
 
 
@@ -126,7 +126,7 @@ def verdict(pilots: Sequence[Pilot]) -> str:
     """Who knows its inertia better, in a line."""
     best = min(pilot.mean_error for pilot in pilots)
     parts = [
-        f"{pilot.name} {100 * pilot.mean_error:.2f} %"
+        f"{pilot.name} {100 * pilot.mean_error:.3f} %"
         + (f" ({pilot.mean_error / best:.1f} times larger)" if pilot.mean_error > best else "")
         for pilot in pilots
     ]

@@ -23,7 +23,7 @@ from satid_gym.rendering.strip import Strip
 
 COLOURS: tuple[Colour, Colour] = ((255, 205, 92), (150, 166, 200))  # the policy's, and the other's
 _GAP = 8.0  # between the frames, in units of which a frame has 480
-_LOWEST, _HIGHEST = -4.0, -0.5  # log10 of the relative errors that the chart shows
+_LOWEST, _HIGHEST = -5.0, -0.5  # log10 of the relative errors that the chart shows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ def _titles(pilots: Sequence[Pilot], width: float, scale: float) -> np.ndarray:
         left, right = i * (480.0 + _GAP) + 10.0, i * (480.0 + _GAP) + 470.0
         name = canvas.text((left, 24.0), pilot.name, colour, 22.0)
         canvas.text((left + name + 10.0, 27.0), pilot.policy.kind.replace("_", " "), MUTED, 12.0)
-        canvas.text((right, 17.0), f"error {100 * pilot.error:.2f} %", colour, 16.0, "right")
+        canvas.text((right, 17.0), f"error {100 * pilot.error:.3f} %", colour, 16.0, "right")
         status = f"outside limits {100 * pilot.outside:.1f} % of the time"
         if pilot.terminated:
             status = "ended: far outside the rate limits"
@@ -102,14 +102,14 @@ def _errors(pilots: Sequence[Pilot], width: float, scale: float) -> np.ndarray:
     scenario = pilots[0].env.problem.scenario
     canvas.text((10.0, 12.0), "relative error of the inertia", TEXT, 12.0)
     for i, (pilot, colour) in enumerate(zip(pilots, COLOURS, strict=True)):
-        words = f"{pilot.name}: mean {100 * pilot.mean_error:.2f} %"
+        words = f"{pilot.name}: mean {100 * pilot.mean_error:.3f} %"
         canvas.text((470.0 + i * (480.0 + _GAP), 12.0), words, colour, 12.0, "right")
     strip = Strip(
         canvas=canvas, x=44.0, y=24.0, width=width - 54.0, height=84.0, horizon=scenario.horizon,
         low=_LOWEST, high=_HIGHEST,
     )  # fmt: skip
     strip.ground()
-    for power, words in ((-1.0, "10 %"), (-2.0, "1 %"), (-3.0, "0.1 %")):
+    for power, words in ((-1.0, "10 %"), (-2.0, "1 %"), (-3.0, "0.1 %"), (-4.0, "0.01 %")):
         strip.level(power, RULE)
         strip.value_label(power, words)
     for pilot, colour in reversed(list(zip(pilots, COLOURS, strict=True))):

@@ -75,7 +75,7 @@ def _tell(pilots: Sequence[Pilot], title: str, console: Console) -> None:
         decision += 1
         if decision % every == 0 or _over(pilots):
             states = " | ".join(
-                f"{pilot.name}: error {100 * pilot.error:.2f} %, outside limits {100 * pilot.outside:.1f} %"
+                f"{pilot.name}: error {100 * pilot.error:.3f} %, outside limits {100 * pilot.outside:.1f} %"
                 for pilot in pilots
             )
             console.print(f"{decision * scenario.decision_period:5.0f} s | {states}", highlight=False, soft_wrap=True)

@@ -115,7 +115,7 @@ def test_the_chart_of_errors_has_a_curve_for_each():
     for colour in record.COLOURS:
         near = np.abs(chart.astype(int) - colour).max(axis=2) < 40
         heights.append(np.flatnonzero(near.sum(axis=1) > 700).mean())
-    np.testing.assert_allclose(heights, [24.0 + 84.0 * 1.5 / 3.5, 24.0 + 84.0 * 0.5 / 3.5], atol=1.5)
+    np.testing.assert_allclose(heights, [24.0 + 84.0 * 1.5 / 4.5, 24.0 + 84.0 * 0.5 / 4.5], atol=1.5)
 
 
 def test_a_picture_says_when_an_episode_ended_early():

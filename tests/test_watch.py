@@ -42,7 +42,7 @@ def numbers(text: str, label: str) -> list[float]:
 
 
 def test_a_sparkline_shows_falls_and_the_time_left():
-    line = sparkline([0.3, 0.03, 0.003, 0.0005], 8, 8)
+    line = sparkline([0.3, 0.03, 0.003, 0.00005], 8, 8)
     assert len(line) == 8
     assert line.endswith("    ")
     heights = [" ▁▂▃▄▅▆▇█".index(character) for character in line[:4]]
@@ -81,7 +81,7 @@ def test_the_view_is_the_state():
     std = [100.0 * pilot.history["std"][-1][2] for pilot in pilots]
     assert numbers(after, "Jzz") == pytest.approx(std, abs=0.051)
     assert max(std) < 0.3 * min(numbers(before, "Jzz"))
-    assert f"{100 * pilots[0].error:.2f} %" in after
+    assert f"{100 * pilots[0].error:.3f} %" in after
     assert f"gained {pilots[1].history['information'][-1]:.0f} nats" in after
     assert f"outside {100 * pilots[0].outside:.1f} %" in after
     assert verdict(pilots) in after
@@ -91,7 +91,7 @@ def test_the_verdict_names_the_better():
     pilots = PAIRING.pilots()
     for pilot, error in zip(pilots, (0.04, 0.01), strict=True):
         pilot.history["relative_error"][:] = [0.3, error]
-    assert verdict(pilots) == "mean error: generalist 4.00 % (4.0 times larger), multi_step 1.00 %"
+    assert verdict(pilots) == "mean error: generalist 4.000 % (4.0 times larger), multi_step 1.000 %"
 
 
 @pytest.mark.parametrize("width", [76, 80, 100, 200])
@@ -133,7 +133,7 @@ def test_without_a_terminal_it_prints_lines(kind, monkeypatch):
     assert len(lines) == 12
     assert [float(line.split(" s |")[0]) for line in lines[1:-1]] == list(range(2, 21, 2))
     for pilot in pilots:
-        assert f"{pilot.name}: error {100 * pilot.error:.2f} %" in lines[-2]
+        assert f"{pilot.name}: error {100 * pilot.error:.3f} %" in lines[-2]
     assert lines[-1] == verdict(pilots)
 
 

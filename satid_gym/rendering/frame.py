@@ -75,7 +75,7 @@ def _inertia(canvas: Canvas, history: History) -> None:
     canvas.text((10.0, 270.0), "inertia, kg m²", TEXT)
     canvas.text((96.0, 270.0), "estimate, 3σ band, truth in white", MUTED)
     error = history.relative_error[-1]
-    canvas.text((470.0, 270.0), f"relative error {100 * error:.2f} %", TEXT, 12.0, "right")
+    canvas.text((470.0, 270.0), f"relative error {100 * error:.3f} %", TEXT, 12.0, "right")
     for i, name in enumerate(("Jxx", "Jyy", "Jzz")):
         colour, truth = series_colour(i), history.truth[:, i]
         estimate, reach = history.estimate[:, i], 3.0 * history.std[:, i]
