@@ -201,7 +201,7 @@ def main() -> int:
         results["records"],
         f"bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds\n"
         f"bound: root mean square error that no estimator beats under any excitation inside the envelope; ideal: "
-        f"that of a filter with the best fixed walk if all samples told as much; efficiency: bound / achieved\n"
+        f"that of the best fixed walk, told of steps, if all samples told as much; efficiency: bound / achieved\n"
         f"{results['command']}, revision {results['revision']}, scenario {comparison.scenario}, "
         f"{comparison.seed_split} seeds {first} to {first + count - 1}\n"
         f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s\n"

@@ -63,7 +63,7 @@ _GAIN = 16.0  # from log odds to the command, which is cut to [-1, 1]: all but u
 
 
 def teach(network: Network | None, satellite: Satellite, settings: ImitationSettings, flown: int) -> Answers:
-    """Fly episodes, as many in each inertia mode, and ask the teacher at every decision.
+    """Fly episodes, shared evenly among the inertia modes, and ask the teacher at every decision.
 
     Args:
         network: flies all but the share that the teacher does; None lets the teacher fly all.
@@ -75,7 +75,7 @@ def teach(network: Network | None, satellite: Satellite, settings: ImitationSett
         Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.advantage`; float32.
     """
     chosen, modes = seeds("training", settings.episodes, flown), settings.modes
-    shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes) if i < len(chosen)]
+    shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes)]
     said = [_teach(network, satellite, mode, settings, share) for mode, share in shares]
     return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
 

@@ -64,7 +64,7 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
             f"{figures['single_decisions_per_s'] / 1e3:.0f} thousand decisions a second (ten filter steps each)",
         ),
         (
-            "filter step, against filterpy with the same model",
+            "filter step of the MomentumEKF, against filterpy with the same model",
             f"{figures['filter_compiled_over_filterpy']:.0f} times faster",
         ),
         (

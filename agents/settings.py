@@ -13,6 +13,7 @@ from agents.learned import check_name
 from baselines.provenance import read_json
 from satid_gym.config import check_number, check_whole, unknown_name
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.problem import problem
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite
 
@@ -47,6 +48,7 @@ class Task:
         check_name(self.name)
         if self.satellite != "random" and self.satellite not in SATELLITES:
             raise unknown_name("satellite", self.satellite, [*SATELLITES, "random"])
+        problem(self.pool(), self.inertia, self.scenario)
 
     @property
     def satellites(self) -> tuple[Satellite, ...]:
@@ -90,9 +92,13 @@ class Task:
             raise ValueError(f"{folder} holds no run to resume")
         head = read_json(folder / "run.json", ANEW, keys=["settings"])
         try:
-            return cls.from_dict(head["settings"])
+            settings = cls.from_dict(head["settings"])
         except (TypeError, AttributeError) as error:
             raise ValueError(f"{folder / 'run.json'} holds no settings ({error}): {ANEW}") from error
+        missing = sorted({f.name for f in dataclasses.fields(cls)} - set(head["settings"]))
+        if missing:
+            raise ValueError(f"{folder / 'run.json'} is of another version, without {missing}: {ANEW}")
+        return settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,11 +201,14 @@ class ImitationSettings(Task):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("rounds", "episodes", "edits", "steps", "epochs", "round_epochs", "batch_size"):
+        for name in ("rounds", "edits", "steps", "epochs", "round_epochs", "batch_size"):
             check_whole(name, getattr(self, name))
+        check_whole("episodes, which are shared among the inertia modes,", self.episodes, low=len(self.modes))
         check_number("taught", self.taught, high=1.0)
         if len(self.walks) != len(INERTIA_MODES):
-            raise ValueError(f"walks must be {len(INERTIA_MODES)} numbers, one for each of {INERTIA_MODES}")
+            raise ValueError(
+                f"walks must be {len(INERTIA_MODES)} numbers, one for each of {INERTIA_MODES}, got {self.walks}"
+            )
         for walk in self.walks:
             check_number("walks", walk)
 

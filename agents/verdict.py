@@ -58,8 +58,8 @@ def _largest(values: Sequence[float], least: float, form: str = "{:.3f}") -> tup
 def needed_efficiency(results: Mapping[str, Any], policy: str) -> list[float]:
     """Excitation efficiency that a third of the best profile's final error would take, by cell; 1 is the ideal.
 
-    Both are set against the error of the same filter if every sample told as much as the envelope allows, so
-    what is above 1 no excitation reaches.
+    Both are set against what `baselines.ceiling` calls ideal. Of a filter with one walk no excitation reaches what is
+    above 1; for an AdaptiveEKF the ideal is the best fixed walk's, a yardstick and no bound.
     """
     reached = [e["excitation_efficiency"] for e in results["efficiencies"] if e["policy"] == policy]
     return [r * 3.0 * ratio for r, ratio in zip(reached, over_best_profile(results["records"], policy), strict=True)]

@@ -35,8 +35,9 @@ class Ceiling:
     def efficiency(self, error: np.ndarray) -> dict[str, float]:
         """An error (D, N) set against both, by root mean square over the final window.
 
-        `efficiency` is bound / achieved, of policy and filter together; `excitation_efficiency` is ideal /
-        achieved, which leaves out what the filter's tuning costs every policy alike.
+        `efficiency` is bound / achieved, of policy and filter together; `excitation_efficiency` is ideal / achieved,
+        which leaves out what the tuning of a filter with one walk costs every policy alike; what an AdaptiveEKF gives
+        for finding out the walk stays in it.
         """
         achieved = _final(np.sqrt(np.square(error).mean(axis=1)))
         return {"efficiency": _final(self.bound) / achieved, "excitation_efficiency": _final(self.ideal) / achieved}

@@ -67,7 +67,7 @@ class MomentumLeastSquares:
 
 
 worlds = {
-    "its own filter": SatInertiaIDEnv(satellite, InertiaLaw("static"), estimator={"name": "momentum"}),
+    "its own filter": SatInertiaIDEnv(satellite, InertiaLaw("static")),
     "least squares": SatInertiaIDEnv(
         satellite,
         InertiaLaw("static"),

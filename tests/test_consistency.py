@@ -234,7 +234,7 @@ def test_an_axis_that_does_not_turn_is_not_learned():
 
 
 class Recorder(MomentumEKF):
-    """The default filter, which keeps every reading it is given."""
+    """The MomentumEKF, which keeps every reading it is given."""
 
     def reset(self, briefing, gyro, wheel_speed):
         self.readings = [(gyro, wheel_speed)]

@@ -114,6 +114,7 @@ def test_folders_that_cannot_be_written_are_one_line(tmp_path, folder, capsys):
         ('{"settings": {"steps": "many"}}', "holds no settings"),
         ('{"settings": [1]}', "unknown training setting 1"),
         ("[1]", "holds no settings"),
+        ('{"settings": {"steps": 100}}', "is of another version, without ['batch_size'"),
         ("[" * 100_000, "is not JSON"),
     ],
 )

@@ -21,7 +21,7 @@ SMALL = ImitationSettings(
     satellite="cubesat",
     wheel_scales=(1.0,),
     rounds=3,
-    episodes=3,
+    episodes=4,
     edits=2,
     evaluation_episodes=2,
     hidden=(16,),
@@ -193,6 +193,9 @@ def test_settings_are_checked() -> None:
         ({"rounds": 0}, "rounds must be a whole number of at least 1, got 0"),
         ({"taught": 1.5}, "taught must be finite and at least 0 and at most 1"),
         ({"satellite": "cube"}, "unknown satellite 'cube'"),
+        ({"inertia": "stepp"}, "unknown inertia mode 'stepp'"),
+        ({"scenario": "adaptive"}, "unknown scenario 'adaptive'"),
+        ({"episodes": 3}, "must be a whole number of at least 4, got 3"),
         ({"walks": (0.001,)}, "walks must be 4 numbers, one for each of"),
         ({"walks": (0.001, 0.001, -0.001, 0.001)}, "walks must be finite and at least 0"),
     ):

@@ -46,7 +46,8 @@ def rollouts() -> dict[str, np.ndarray]:
     return {
         "simulate": np.hstack([flight.omega, flight.wheel_speed, flight.momentum, flight.attitude]),
         "vector": np.array(observations),
-        "momentum": episode(satellite="cubesat", inertia="step"),
+        "default": episode(satellite="cubesat", inertia="step"),
+        "momentum": episode(satellite="cubesat", inertia="step", estimator="momentum"),
         "full": episode(
             inertia="periodic",
             scenario={"tilt_std": 0.1},

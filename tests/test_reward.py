@@ -16,7 +16,7 @@ LOG2 = np.log(2.0)
 
 
 class Recorder(MomentumEKF):
-    """The default filter, which keeps the readings it is given: the environment's belief seen from outside."""
+    """The MomentumEKF, which keeps the readings it is given: the environment's belief seen from outside."""
 
     def reset(self, briefing, gyro, wheel_speed):
         self.gyro = [gyro]

@@ -174,7 +174,7 @@ def test_a_reading_that_no_walk_explains_is_taken_in_with_theta_uncertain_again(
 
 @pytest.fixture(scope="module")
 def cells() -> dict:
-    """Default scenario, 50 episodes a cell: (default filter, adaptive)."""
+    """Default scenario, 50 episodes a cell: (MomentumEKF, AdaptiveEKF)."""
     return {
         (s, mode): tuple(
             fly_cell(square_wave, s, mode, estimator=name, episodes=50) for name in ("momentum", "adaptive")

@@ -118,7 +118,7 @@ def learn(belief, work):
     p = belief.theta_scale.shape[0]
     inverse, taken, lost, product = work.inverse, work.taken, work.lost, work.slope_product
     moved, solved, slope, by_walk = work.theta, work.lever, belief.covariance_slope, belief.theta_slope
-    if not factor(work.prior_covariance, 3, p, work.block) > 0.0:
+    if factor(work.prior_covariance, 3, p, work.block) < 0.0:
         return  # broken, which is found elsewhere
     invert(work.block, p, inverse)
     for i in range(p):
@@ -145,7 +145,7 @@ def learn(belief, work):
         for j in range(p):
             information += 0.5 * taken[i, j] * taken[j, i]
     _follow(belief, work)
-    variance = 1.0 / (1.0 / belief.walk_parameter_variance + information)
+    variance = 1.0 / (1.0 / belief.walk_parameter_variance + max(information, 0.0))  # below 0 by rounding
     change = min(max(variance * score, -_LONGEST), _LONGEST)
     belief.walk_parameter = min(max(belief.walk_parameter + change, -1.0), belief.most_walk_parameter)
     belief.walk_parameter_variance = variance

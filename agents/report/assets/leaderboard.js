@@ -79,8 +79,8 @@ const COLUMNS = [
     key: "excitation_efficiency",
     label: "of ideal\n%",
     meaning:
-      "Ideal error over achieved error. Ideal is this same filter if every sample told as much as the rate, torque " +
-      "and speed limits allow: what is left to gain by better excitation.",
+      "Ideal error over achieved error. Ideal is a MomentumEKF, with the walk that serves the cell best where the " +
+      "filter adapts, if every sample told as much as the rate, torque and speed limits allow.",
     cell: plain("excitation_efficiency", (value) => (100 * value).toFixed(0)),
     descending: true,
   },
