@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from agents.learned import check_name
+from baselines.planner import ADAPTIVE_WALK
 from baselines.provenance import read_json
 from satid_gym.config import check_number, check_whole, unknown_name
 from satid_gym.laws import INERTIA_MODES
@@ -48,7 +49,7 @@ class Task:
         check_name(self.name)
         if self.satellite != "random" and self.satellite not in SATELLITES:
             raise unknown_name("satellite", self.satellite, [*SATELLITES, "random"])
-        problem(self.pool(), self.inertia, self.scenario)
+        problem(self.pool(), self.inertia, self.scenario)  # refuses what is no world
 
     @property
     def satellites(self) -> tuple[Satellite, ...]:
@@ -185,7 +186,7 @@ class ImitationSettings(Task):
     """Edits of the plan that the teacher tries in each decision."""
     steps: int = 4
     """Steps of the teacher's forecast in each decision."""
-    walks: tuple[float, ...] = (0.0012, 0.0012, 0.0003, 0.004)
+    walks: tuple[float, ...] = (ADAPTIVE_WALK, ADAPTIVE_WALK, 0.0003, 0.004)
     """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
     random walk of the inertia, per sqrt(s). It is told the mode, the network is not."""
     epochs: int = 20

@@ -116,8 +116,8 @@ def keep(belief, work):
 def learn(belief, work):
     """Take in what an update has done to theta, of which `keep` noted what was known before."""
     p = belief.theta_scale.shape[0]
-    inverse, taken, lost, product = work.inverse, work.taken, work.lost, work.slope_product
-    moved, solved, slope, by_walk = work.theta, work.lever, belief.covariance_slope, belief.theta_slope
+    inverse, taken, lost, told = work.inverse, work.taken, work.lost, work.told
+    moved, solved, slope, by_walk = work.theta, work.solved, belief.covariance_slope, belief.theta_slope
     if factor(work.prior_covariance, 3, p, work.block) < 0.0:
         return  # broken, which is found elsewhere
     invert(work.block, p, inverse)
@@ -126,6 +126,7 @@ def learn(belief, work):
         for j in range(p):
             taken[i, j] = work.prior_covariance[3 + i, 3 + j] - belief.covariance[3 + i, 3 + j]
     _times(taken, inverse, lost)  # 1 - A
+    _times(inverse, lost, told)  # W
     score = information = 0.0
     for i in range(p):
         solved[i] = 0.0
@@ -134,13 +135,9 @@ def learn(belief, work):
     for i in range(p):
         score += solved[i] * by_walk[i]
         for j in range(p):
-            told = 0.0
-            for k in range(p):
-                told += inverse[i, k] * lost[k, j]  # W
-            product[i, j] = told
-            score += 0.5 * (solved[i] * solved[j] - told) * slope[i, j]
-            information += by_walk[i] * told * by_walk[j]
-    _times(product, slope, taken)
+            score += 0.5 * (solved[i] * solved[j] - told[i, j]) * slope[i, j]
+            information += by_walk[i] * told[i, j] * by_walk[j]
+    _times(told, slope, taken)
     for i in range(p):
         for j in range(p):
             information += 0.5 * taken[i, j] * taken[j, i]
@@ -153,9 +150,15 @@ def learn(belief, work):
 
 @inline
 def _follow(belief, work):
-    """Derivatives after the update, with 1 - A in work.lost and u in work.lever."""
+    """Derivatives after the update, with 1 - A in work.lost and u in work.solved."""
     p = belief.theta_scale.shape[0]
-    slope, by_walk, lost, moved, solved = belief.covariance_slope, belief.theta_slope, work.lost, work.theta, work.lever
+    slope, by_walk, lost, moved, solved = (
+        belief.covariance_slope,
+        belief.theta_slope,
+        work.lost,
+        work.theta,
+        work.solved,
+    )
     for i in range(p):
         moved[i] = by_walk[i]
         for j in range(p):
