@@ -12,7 +12,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "satid-gym needs Python 3.11 or later; set PYTHON=...")'
 	test -x $(RUN) || $(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --upgrade pip
-	$(RUN) -m pip install --quiet --constraint constraints.txt --editable ".[agents,dev,docs]"
+	$(RUN) -m pip install --quiet --constraint constraints.txt --editable ".[train,dev,docs]"
 	$(RUN) -m satid_gym.warmup
 	touch $(STAMP)
 

@@ -19,7 +19,7 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.rate_env import RateCommandVecEnv
-from baselines.provenance import DamagedFileError, write_bytes
+from satid_gym.files import DamagedFileError, write_bytes
 
 _DIGEST = hashlib.sha256().digest_size
 

@@ -2,7 +2,7 @@
 
 Flies every run's best policy through validation episodes, more of them than training could afford and with the
 margin it would be shipped with; prints the scores, the spread over runs, and the best. `--ship` saves that one in
-agents/pretrained. Test seeds have no part in the choice.
+satid_gym/policies/pretrained. Test seeds have no part in the choice.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.learned import LearnedPolicy
-from agents.policies import PRETRAINED
 from agents.settings import ANEW, ImitationSettings, Task, TrainSettings
 from agents.train import merit, validate
 from baselines.ending import ended, refusal
-from baselines.provenance import command, read_json
+from baselines.provenance import command
 from satid_gym.config import check_number, check_whole
+from satid_gym.files import read_json
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.shipped import PRETRAINED
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
 
@@ -34,7 +35,7 @@ class Options:
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of training runs."""
     ship: bool = False
-    """Save the best policy in agents/pretrained."""
+    """Save the best policy in satid_gym/policies/pretrained."""
     margin: float | None = None
     """Margin of the rate loop to ship it with, where validation calls for another than that of training."""
     episodes: int = 400

@@ -25,7 +25,6 @@ import tyro
 from tqdm import tqdm
 
 from agents.cell import Cell
-from agents.policies import shipped
 from agents.report import write_report
 from agents.report.curves import error_bands, rounded
 from agents.report.episode import episode_cell, fly_episode, protagonists
@@ -34,10 +33,12 @@ from agents.statistics import pair, record
 from agents.tables import print_comparison
 from baselines import BASELINES, make_baseline
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_names
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
+from satid_gym.files import check_writable, write_json, write_text
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.shipped import shipped
 from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import tyro
 
 from agents.compare import Comparison, compare
-from agents.policies import find
 from agents.tables import print_comparison
 from baselines.ending import ended, refusal
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.shipped import find
 from satid_gym.satellite import SATELLITES
 
 

@@ -2,8 +2,8 @@
 
 The graph takes observations (N, size), float32, with the filter's whole covariance where the model's property
 include_covariance is True, and gives commands (N, 3) in [-1, 1]: body rates as fractions of what the envelope allows
-where the policy's control is "rate" (the rate loop, baselines/rate_loop.py, turns them into torque), motor torque
-where it is "torque". It is checked against the same layers in torch before it is kept.
+where the policy's control is "rate" (satid_gym/control/rate_loop.py turns them into torque), motor torque where it is
+"torque". It is checked against the same layers in torch before it is kept.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import torch
 import tyro
 from onnx import TensorProto, helper, numpy_helper
 
-from agents.learned import LearnedPolicy, Network
-from agents.policies import find
 from baselines.ending import ended, refusal
-from baselines.provenance import write_bytes
 from satid_gym.core.observation import BOUND
+from satid_gym.files import write_bytes
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.shipped import find
 
 TOLERANCE = 1e-6
 _OPSET = 17

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from agents.policies import shipped
 from baselines import faults
 from baselines.ending import ended
+from satid_gym.policies.shipped import shipped
 
 if __name__ == "__main__":
     sys.exit(ended(lambda: faults.main(shipped(), "agents.faults")))

@@ -31,16 +31,17 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from agents.learned import LearnedPolicy, Network
 from agents.settings import ANEW, ImitationSettings
 from agents.train import network_of, summary, validate, write_curve
 from baselines.ending import ended
-from baselines.mpc import MPCPolicy
-from baselines.provenance import command, read_json, revision, versions, write_bytes, write_json
-from baselines.rate_loop import RateLoop
+from baselines.provenance import command, revision, versions
 from satid_gym import SatInertiaIDVectorEnv
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import seeds
+from satid_gym.files import read_json, write_bytes, write_json
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.satellite import Satellite

@@ -14,12 +14,12 @@ import numpy as np
 
 from agents.readme import ROOT, between
 from baselines import BASELINES, build, tuned_entry
-from baselines.provenance import write_text
-from baselines.registry import UNTUNED
 from satid_gym.config import Config
 from satid_gym.estimators.settings import AdaptiveEKFSettings, MomentumEKFSettings, RateEKFSettings
 from satid_gym.faults import Faults
+from satid_gym.files import write_text
 from satid_gym.laws import PAPER_LAWS, LawRanges
+from satid_gym.policies.registry import UNTUNED
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 

@@ -8,12 +8,12 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from agents.policies import find, names
 from baselines import BASELINES, make_baseline
 from satid_gym.config import check_number, unknown_name
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.shipped import find, names
 from satid_gym.policy import Policy, includes_covariance, missions
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS, Scenario

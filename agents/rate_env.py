@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from baselines.rate_loop import RateLoop
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.policy import missions
 from satid_gym.sb3 import SatInertiaIDVecEnv
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from baselines.ending import ended
-from baselines.provenance import read_json, write_text
+from satid_gym.files import read_json, write_text
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "docs" / "results"

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from agents.learned import check_name
-from baselines.planner import ADAPTIVE_WALK
-from baselines.provenance import read_json
 from satid_gym.config import check_number, check_whole, unknown_name
+from satid_gym.control.planner import ADAPTIVE_WALK
+from satid_gym.files import read_json
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.learned import check_name
 from satid_gym.problem import problem
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite

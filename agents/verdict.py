@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 import tyro
 
-from agents.policies import find
 from agents.report.page import file_names
 from agents.tables import inside
 from baselines.ending import ended, refusal
-from baselines.mpc import MPCPolicy
-from baselines.provenance import read_json
-from baselines.registry import build
 from baselines.tune import tune
 from satid_gym import ReactionWheels, Satellite
 from satid_gym.config import check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.files import read_json
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.mpc import MPCPolicy
+from satid_gym.policies.registry import build
+from satid_gym.policies.shipped import find
 from satid_gym.profiles import PROFILES
 from satid_gym.scenario import SCENARIOS
 

@@ -1,5 +1,5 @@
 """Excitation designed by hand, which a learned policy has to beat."""
 
-from baselines.registry import BASELINES, build, make_baseline, tuned_entry
+from satid_gym.policies.registry import BASELINES, build, make_baseline, tuned_entry
 
 __all__ = ["BASELINES", "build", "make_baseline", "tuned_entry"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from baselines.recording import record
-from baselines.simple import ZeroPolicy
 from satid_gym.bounds import envelope_bound, ideal_error, population_bound
 from satid_gym.estimators.settings import AdaptiveEKFSettings, MomentumEKFSettings, RateEKFSettings, brief
 from satid_gym.metrics import final_error
+from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario

@@ -18,14 +18,15 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
-from baselines.planner import planning_walk
-from baselines.provenance import check_writable, command, revision, versions, write_json
+from baselines.provenance import command, revision, versions
 from baselines.tune import Trial, attempt, best, judge
 from satid_gym.bounds import Course, posterior_bound
 from satid_gym.config import check_names, check_number, check_whole
+from satid_gym.control.planner import planning_walk
 from satid_gym.estimators.settings import MomentumEKFSettings, brief
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.files import check_writable, write_json
+from satid_gym.policies.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 

@@ -22,9 +22,8 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_json
+from baselines.provenance import command, revision, versions
 from baselines.recording import Recording, model_world, record
-from baselines.registry import BASELINES, make_baseline
 from satid_gym.bounds import episode_bounds, population_bound, posterior_bound
 from satid_gym.config import check_names, check_whole
 from satid_gym.core import momentum_filter
@@ -32,8 +31,10 @@ from satid_gym.core.jit import kernel
 from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.settings import MomentumEKFSettings, brief, inertia_parameters
 from satid_gym.evaluation import benchmark_scenario, seeds
+from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import FINAL_FRACTION, bootstrap
+from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS, Scenario
 

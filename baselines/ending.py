@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from baselines.provenance import DamagedFileError
+from satid_gym.files import DamagedFileError
 
 INTERRUPTED = 128 + signal.SIGINT  # what a shell reports
 

@@ -22,13 +22,14 @@ from rich.table import Table
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_json
-from baselines.registry import make_baseline
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.faults import Faults
+from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import SETTLING, final_error
+from satid_gym.policies.registry import make_baseline
 from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario

@@ -29,17 +29,18 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_bytes, write_json
+from baselines.provenance import command, revision, versions
 from baselines.recording import Recording, record
-from baselines.scripted import ScriptedPolicy, Signal, staggered_square
 from satid_gym.bounds import posterior_bound
 from satid_gym.config import check_names, check_number, check_whole
 from satid_gym.estimators import MomentumEKF, MomentumEKFSettings, RateEKF
 from satid_gym.estimators.least_squares import NotIdentifiedError, differentiated, instrumental_variable, momentum_form
 from satid_gym.estimators.settings import Briefing, brief, inertia_parameters
 from satid_gym.evaluation import seeds
+from satid_gym.files import check_writable, write_bytes, write_json
 from satid_gym.laws import PAPER_LAWS
 from satid_gym.metrics import FINAL_FRACTION
+from satid_gym.policies.scripted import ScriptedPolicy, Signal, staggered_square
 from satid_gym.profiles import PROFILES, prbs
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario

@@ -11,9 +11,9 @@ import numpy as np
 import tyro
 
 from baselines.ending import ended, refusal
-from baselines.registry import BASELINES, make_baseline
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.policy import Kind, Mission, Policy, includes_covariance
 from satid_gym.satellite import SATELLITES
 

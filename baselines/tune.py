@@ -22,11 +22,12 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_json
-from baselines.registry import BASELINES, TUNED, UNTUNED, build
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
+from satid_gym.files import check_writable, write_json
 from satid_gym.metrics import MOST_BEYOND, beyond_envelope
+from satid_gym.policies.registry import BASELINES, TUNED, UNTUNED, build
 from satid_gym.profiles import PAPER_AMPLITUDES, PAPER_SCALES, PROFILES
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS

@@ -20,14 +20,15 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_json
+from baselines.provenance import command, revision, versions
 from baselines.recording import Recording, record
-from baselines.registry import BASELINES, make_baseline
 from satid_gym import metrics
 from satid_gym.config import check_names, check_whole
 from satid_gym.estimators import AdaptiveEKF, brief
 from satid_gym.evaluation import benchmark_scenario, seeds
+from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.satellite import SATELLITES
 
 VARIED = ("inertia_walk", "least_walk", "walk_drift")

@@ -18,11 +18,12 @@ from satid_gym import SATELLITES, ReactionWheels, Satellite
 hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("suite")
 
+_FLYING = r"^(from|import) (agents|baselines|tests|satid_gym\.(policies|control))\b"
 if config.DISABLE_JIT:  # tests of baselines, agents and of the commands beside the tests fly thousands of episodes
     collect_ignore = [
         path.name
         for path in Path(__file__).parent.glob("test_*.py")
-        if re.search(r"^(from|import) (agents|baselines|tests)\b", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        if re.search(_FLYING, path.read_text(encoding="utf-8"), flags=re.MULTILINE)
     ]
 
 

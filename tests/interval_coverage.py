@@ -16,7 +16,6 @@ import tyro
 from scipy.stats import norm, skew
 from tqdm import tqdm
 
-from agents.policies import find
 from agents.statistics import pair, record
 from baselines import make_baseline
 from baselines.ending import ended, refusal
@@ -24,6 +23,7 @@ from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import improvements, iqm
+from satid_gym.policies.shipped import find
 from satid_gym.satellite import SATELLITES
 
 LEAST, MOST = 0.93, 0.97

@@ -22,9 +22,10 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, revision, versions, write_json
+from baselines.provenance import command, revision, versions
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_whole
+from satid_gym.files import check_writable, write_json
 
 SAMPLES = 200  # of memory and speed over the run
 _HOLD = 5  # decisions that an action is held

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from baselines import BASELINES, build, make_baseline, tuned_entry
-from baselines.belief import Belief, Craft
-from baselines.rate_loop import RateLoop
-from baselines.registry import UNTUNED
-from baselines.scripted import ScriptedPolicy, staggered_square
-from baselines.simple import RandomPolicy, ZeroPolicy
 from baselines.tune import Trial, attempt, best, grid
 from satid_gym import INERTIA_MODES, SATELLITES, SCENARIOS, SatInertiaIDVectorEnv
+from satid_gym.control.decoded_observation import Belief, Craft
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
+from satid_gym.policies.registry import UNTUNED
+from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.profiles import PROFILES

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from agents import combine, imitate
-from agents.learned import LearnedPolicy
 from agents.settings import ImitationSettings
 from baselines.ending import RefusedError
+from satid_gym.policies.learned import LearnedPolicy
 
 SMALL = ImitationSettings(
     satellite="cubesat",

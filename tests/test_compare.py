@@ -13,6 +13,7 @@ from agents import compare, tables
 from agents.statistics import pair, record
 from baselines import provenance
 from baselines.ending import ended
+from satid_gym import files
 
 EPISODES = 6
 
@@ -222,12 +223,12 @@ def test_a_command_names_no_place_of_this_machine(line, said, monkeypatch):
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "compare.json"
-    provenance.write_json(path, {"old": 1})
+    files.write_json(path, {"old": 1})
     with pytest.raises(ValueError, match="not JSON compliant"):
-        provenance.write_json(path, {"new": float("nan")})
+        files.write_json(path, {"new": float("nan")})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(provenance.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk is full")))
+        patch.setattr(files.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk is full")))
         with pytest.raises(OSError, match="disk is full"):
-            provenance.write_json(path, {"new": 2})
+            files.write_json(path, {"new": 2})
     assert json.loads(path.read_text()) == {"old": 1}
     assert list(tmp_path.iterdir()) == [path]

@@ -12,7 +12,7 @@ import time
 import pytest
 
 from agents import readme, train
-from baselines.provenance import DamagedFileError, check_writable, read_json, write_bytes
+from satid_gym.files import DamagedFileError, check_writable, read_json, write_bytes
 from tests.faults import (
     PROMPT,
     ROOT,
@@ -139,7 +139,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
     code = f"""
 from pathlib import Path
 from baselines.ending import ended
-from baselines.provenance import write_bytes
+from satid_gym.files import write_bytes
 raise SystemExit(ended(lambda: write_bytes(Path({str(path)!r}), b"new" * 1000)))
 """
     done = subprocess.run(

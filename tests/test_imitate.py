@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from agents import imitate
-from agents.learned import LearnedPolicy
 from agents.settings import ImitationSettings
-from baselines.mpc import MPCPolicy
 from satid_gym import SATELLITES
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.problem import problem
 
 SMALL = ImitationSettings(

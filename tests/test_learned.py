@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from agents.export import TOLERANCE, export, torch_network
-from agents.learned import LearnedPolicy, Network
-from agents.policies import find, shipped
-from baselines.rate_loop import RateLoop
 from satid_gym import SATELLITES
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import fly, seeds
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.shipped import find, shipped
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 

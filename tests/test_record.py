@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from agents import record, video
-from agents.learned import LearnedPolicy, Network
 from agents.pilot import Pairing, Pilot
 from baselines.ending import ended
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policy import Mission
 
 PAIRING = Pairing(policy="generalist", horizon=10.0)

@@ -14,9 +14,9 @@ import pytest
 from safetensors.numpy import save
 
 from agents import checkpoint
-from agents.learned import LARGEST, LearnedPolicy, Network
-from agents.policies import PRETRAINED, names
 from agents.settings import TrainSettings
+from satid_gym.policies.learned import LARGEST, LearnedPolicy, Network
+from satid_gym.policies.shipped import PRETRAINED, names
 
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(

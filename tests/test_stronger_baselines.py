@@ -9,13 +9,13 @@ import pytest
 
 from baselines import build
 from baselines.design import Design, information, search
-from baselines.greedy import GreedyPolicy
-from baselines.mpc import MPCPolicy
-from baselines.open_loop_optimal import design_of, planned_rates
-from baselines.planner import Planner
-from baselines.rate_loop import RateLoop
 from satid_gym import SATELLITES, SatInertiaIDVectorEnv
+from satid_gym.control.planner import Planner
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies.greedy import GreedyPolicy
+from satid_gym.policies.mpc import MPCPolicy
+from satid_gym.policies.open_loop_optimal import design_of, planned_rates
 from satid_gym.policy import missions
 from satid_gym.scenario import Scenario
 

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from agents import choose, train
-from agents.learned import LearnedPolicy
 from agents.settings import TrainSettings, named
 from baselines.ending import ended
+from satid_gym.policies.learned import LearnedPolicy
 
 SMALL = {
     "satellite": "microsat",

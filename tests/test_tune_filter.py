@@ -9,9 +9,9 @@ import pytest
 
 from baselines import tune_filter
 from baselines.recording import record
-from baselines.registry import make_baseline
 from satid_gym import metrics
 from satid_gym.evaluation import benchmark_scenario, seeds
+from satid_gym.policies.registry import make_baseline
 
 
 @pytest.mark.compiled

@@ -11,7 +11,6 @@ from test_consistency import fly as fly_cell
 from test_consistency import square_wave
 from test_filters import DT, assert_equal_filters, fly, run_slowly
 
-from baselines.rate_square import RateSquarePolicy
 from baselines.recording import record
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.estimators import (
@@ -25,6 +24,7 @@ from satid_gym.estimators import (
 from satid_gym.interface import INFO_KEYS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
+from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS

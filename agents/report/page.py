@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.report.leaderboard import ALL_MODES, leaderboard
-from baselines.provenance import read_json, write_text
+from satid_gym.files import read_json, write_text
 from satid_gym.metrics import MOST_BEYOND
 
 ASSETS = Path(__file__).parent / "assets"

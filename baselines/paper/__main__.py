@@ -25,10 +25,11 @@ from baselines.paper.page import page
 from baselines.paper.study import HORIZON, Run, horizon_jobs, run_all, table_jobs
 from baselines.paper.summary import cells, checks, finite
 from baselines.paper.world import MOMENTUM_SETTINGS, scenario
-from baselines.provenance import check_writable, command, revision, versions, write_json, write_text
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_whole
 from satid_gym.estimators import RateEKFSettings
 from satid_gym.evaluation import seeds
+from satid_gym.files import check_writable, write_json, write_text
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from baselines.provenance import write_bytes
+from satid_gym.files import write_bytes
 
 AXES = ("x", "y", "z")
 AXIS_COLOURS = ("#0072B2", "#D55E00", "#009E73")

@@ -9,7 +9,7 @@ Results must not depend on who compiled what first. LLVM may therefore not choos
 cache might be linked with functions that were compiled otherwise than its own, and the last bits would differ.
 
 Numba's cache looks at the file of the kernel alone, so an edit of a function that the kernel calls would go unseen;
-every kernel therefore closes over a fingerprint of the whole core's source, which is part of numba's cache key.
+every kernel therefore closes over a fingerprint of all compiled source (core/ and control/), part of numba's cache key.
 
 Numba also numbers the files of its cache, and two processes that compile at once may give one number to two kernels;
 here a file is named by what it holds.
@@ -37,10 +37,11 @@ _FLAGS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
 def _fingerprint() -> str:
-    """Digest of the core's source files, in name order."""
+    """Digest of the source files that hold compiled code, in name order."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
+    for folder in ("core", "control"):
+        for path in sorted((Path(__file__).parents[1] / folder).glob("*.py")):
+            digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

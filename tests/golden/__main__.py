@@ -14,7 +14,8 @@ import tyro
 from tqdm import tqdm
 
 from baselines.ending import ended
-from baselines.provenance import check_writable, command, revision, versions, write_text
+from baselines.provenance import command, revision, versions
+from satid_gym.files import check_writable, write_text
 from tests.golden.flights import CASES, DATA, fly
 
 

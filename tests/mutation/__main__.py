@@ -28,8 +28,9 @@ from rich.table import Table
 from tqdm import tqdm
 
 from baselines.ending import ended, refusal
-from baselines.provenance import check_writable, command, read_json, revision, versions, write_json
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_names, check_whole
+from satid_gym.files import check_writable, read_json, write_json
 from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import Mutant, find_mutants
 

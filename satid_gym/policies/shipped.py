@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agents.learned import LearnedPolicy
 from satid_gym.config import unknown_name
+from satid_gym.policies.learned import LearnedPolicy
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 

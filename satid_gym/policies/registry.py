@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from baselines.greedy import GreedyPolicy
-from baselines.mpc import MPCPolicy
-from baselines.open_loop_optimal import PREPARED_AS, OpenLoopOptimalPolicy
-from baselines.rate_square import RateSquarePolicy
-from baselines.scripted import ScriptedPolicy, staggered_square
-from baselines.simple import RandomPolicy, ZeroPolicy
 from satid_gym.config import unknown_name
+from satid_gym.policies.greedy import GreedyPolicy
+from satid_gym.policies.mpc import MPCPolicy
+from satid_gym.policies.open_loop_optimal import PREPARED_AS, OpenLoopOptimalPolicy
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
+from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
 
@@ -73,7 +73,7 @@ def tuned_entry(name: str, satellite: str, scenario: str = "default") -> dict[st
         tuned = sorted({key[1:] for key in entries if key[0] == name})
         raise ValueError(
             f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}, only for {tuned}; "
-            "baselines.tune.tune finds settings for any satellite, baselines.registry.build takes them"
+            "baselines.tune.tune finds settings for any satellite, satid_gym.policies.registry.build takes them"
         )
     return entries[name, satellite, scenario]
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.rate_loop import RateLoop
 from satid_gym.config import check_number
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.policy import Kind, Mission
 
 _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.planner import ADAPTIVE_WALK, Planner
-from baselines.rate_loop import RateLoop
 from satid_gym.config import check_number
+from satid_gym.control.planner import ADAPTIVE_WALK, Planner
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.interface import seed_stream
 from satid_gym.policy import Kind, Mission
 

@@ -18,9 +18,9 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from baselines.provenance import read_json, write_bytes, write_text
-from baselines.rate_loop import RateLoop
 from satid_gym.config import check_flag, unknown_name
+from satid_gym.control.rate_loop import RateLoop
+from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policy import Kind, Mission
 
 FORMAT = 1

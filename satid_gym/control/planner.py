@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.belief import Belief, Craft
-from baselines.forecast import follow, forecast_many, improve_many
+from satid_gym.control.decoded_observation import Belief, Craft
+from satid_gym.control.forecast import follow, forecast_many, improve_many
 from satid_gym.estimators.belief import new_belief, new_work
 from satid_gym.estimators.settings import (
     AdaptiveEKFSettings,

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.planner import Planner
-from baselines.rate_loop import RateLoop
 from satid_gym.config import check_number
+from satid_gym.control.planner import Planner
+from satid_gym.control.rate_loop import RateLoop
 from satid_gym.policy import Kind, Mission
 
 _CANDIDATES = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))

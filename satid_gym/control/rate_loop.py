@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.belief import Belief, Craft
 from satid_gym.config import check_number
+from satid_gym.control.decoded_observation import Belief, Craft
 from satid_gym.core.algebra import (
     add,
     axpy,

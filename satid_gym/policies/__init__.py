@@ -1,0 +1,7 @@
+"""Policies that fly: scripted, closed-loop and learned ones, with the settings and networks that are shipped."""
+
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.registry import BASELINES, build, make_baseline, tuned_entry
+from satid_gym.policies.shipped import find, names, shipped
+
+__all__ = ["BASELINES", "LearnedPolicy", "build", "find", "make_baseline", "names", "shipped", "tuned_entry"]
