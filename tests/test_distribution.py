@@ -33,8 +33,8 @@ def test_the_wheel_holds_the_library_alone(built):
 
 def test_the_sdist_holds_what_it_takes_to_test(built):
     source = built[2]
-    for name in ("satid_gym", "satid_gym/policies/tuned.json", "satid_gym/policies/pretrained/generalist.json", "LICENSE",
-                 "tests/conftest.py", "docs/results/compare.json", "constraints.txt", "Makefile", "README.md"):  # fmt: skip
+    data = ("satid_gym/policies/tuned.json", "satid_gym/policies/pretrained/generalist.json", "docs/results/compare.json")
+    for name in ("satid_gym", *data, "tests/conftest.py", "constraints.txt", "Makefile", "LICENSE", "README.md"):
         assert (source / name).exists(), name
     assert not [p.name for p in source.iterdir() if p.name in ("runs", "results", ".venv", "build", "dist")]
 
