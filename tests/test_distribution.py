@@ -33,7 +33,7 @@ def test_the_wheel_holds_the_library_alone(built):
 
 def test_the_sdist_holds_what_it_takes_to_test(built):
     source = built[2]
-    data = ("satid_gym/policies/tuned.json", "satid_gym/policies/pretrained/generalist.json", "docs/results/compare.json")
+    data = ("docs/results/compare.json", *(f"satid_gym/policies/{name}.json" for name in ("tuned", "pretrained/ppo")))
     for name in ("satid_gym", *data, "tests/conftest.py", "constraints.txt", "Makefile", "LICENSE", "README.md"):
         assert (source / name).exists(), name
     assert not [p.name for p in source.iterdir() if p.name in ("runs", "results", ".venv", "build", "dist")]
