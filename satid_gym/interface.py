@@ -22,6 +22,7 @@ INFO_KEYS = (
     "nis",
     "information_gain",
     "information_held",
+    "outside",
     "cost",
     "effort",
     "saturated",
