@@ -26,6 +26,7 @@ from satid_gym.estimators.settings import (
 from satid_gym.policy import Mission
 from satid_gym.scenario import Scenario
 
+PLANNING_MARGIN = 2.75  # of the rate loop, standard deviations, where no tuning has found a better one
 ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an AdaptiveEKF; of .0003 to .004 on tuning seeds
 
 
