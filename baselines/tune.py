@@ -35,7 +35,7 @@ from satid_gym.profiles import PAPER_AMPLITUDES, PAPER_SCALES, PROFILES
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS
 
-HOPELESS = 0.3  # beyond this share more amplitude is not tried: it only leads further out
+HOPELESS = 0.1  # beyond this share more amplitude is not tried: it only leads further out
 AMPLITUDES = np.geomspace(0.0005, 1.0, 34).round(5).tolist()  # of the torque limit; a quarter apart
 FINER = (0.89, 0.945, 1.06, 1.12)  # what is tried about the best amplitude
 STAGGERED_PERIODS = [6.0, 12.0, 24.0, 36.0, 60.0, 120.0]  # s
@@ -111,8 +111,7 @@ def sweep(name: str, satellite: Satellite, scenario: str = "default", *, episode
     for row in grid(name, satellite, scenario):
         for settings in row:
             trials.append(attempt(name, settings, satellite, scenario, episodes=count))
-            further = MOST_BEYOND if name in PLANNERS else HOPELESS
-            if trials[-1].outside_fraction > further:
+            if trials[-1].outside_fraction > (MOST_BEYOND if "margin" in settings else HOPELESS):
                 break
     if "amplitude" in trials[0].settings and scenario != "paper":
         idle = attempt("zero", {}, satellite, scenario, episodes=count)
