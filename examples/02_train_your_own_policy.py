@@ -21,6 +21,7 @@ reward = RewardSettings(held_scale=0.5, held_reference=22.0, envelope_margin=1.0
 env = RateCommandVecEnv(
     64,
     margin=settings.margin,
+    stagger=True,  # so that a rollout holds every part of an episode
     satellite=settings.satellite,
     reward=reward,
     include_covariance=settings.include_covariance,

@@ -53,6 +53,15 @@ def finished(tmp_path_factory):
     return folder, run(folder, 640)
 
 
+def test_training_starts_staggered(tmp_path):
+    task = train.Run(TrainSettings.from_dict(SMALL), tmp_path, resume=False, command="test")
+    task.env.reset()
+    ends = [task.env.step(np.zeros((16, 3), np.float32))[2].sum() for _ in range(300)]
+    assert max(ends) == 1
+    assert sum(ends) == 16
+    task.env.close()
+
+
 @pytest.fixture
 def copy(finished, tmp_path):
     return shutil.copytree(finished[0], tmp_path / "copy")
