@@ -19,6 +19,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, unknown_name
+from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policy import Kind, Mission
@@ -133,10 +134,15 @@ class LearnedPolicy:
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
-        self._loop = RateLoop([mission], self.margin)
+        self._loop, self._layout = RateLoop([mission], self.margin), mission.layout
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Action (N, n)."""
+        """Action (N, n).
+
+        Raises:
+            ValueError: the observation is not finite, or has not one row an episode.
+        """
+        check_observation(observation, self._layout)
         command = self.network(observation)
         if self.control == "torque":
             return np.clip(command, -1.0, 1.0)
