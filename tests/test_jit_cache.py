@@ -1,9 +1,8 @@
-"""The compiler's cache where it is damaged, full or nowhere to be kept, and what the user is told: a kernel of a line in
-processes of their own.
+"""The compiler's cache where it is damaged, full or nowhere to be kept, and what the user is told.
 
-The tests may run as root, whom no permission stops. What cannot be written is therefore made so by the kind of file: a
-file stands where a folder would have to be, which the system refuses to everybody; a full disk is a limit on the size of
-files, which the system refuses as it does a full disk, by OSError from write.
+Kernels of a line are compiled in processes of their own. The tests may run as root, whom no permission stops. What
+cannot be written is therefore made so by the kind of file: a file stands where a folder would have to be, which the
+system refuses to everybody. A full disk is a limit on the size of files: beyond it write() ends in OSError too.
 """
 
 import os
@@ -111,7 +110,8 @@ def test_a_full_disk_costs_time_and_is_said_once(folder):
 
 def test_an_install_without_a_writable_cache_is_imported_and_compiles(folder):
     package = folder / "install"
-    shutil.copytree(Path(satid_gym.__file__).parent, package / "satid_gym", ignore=shutil.ignore_patterns("__pycache__"))
+    source, left_out = Path(satid_gym.__file__).parent, shutil.ignore_patterns("__pycache__")
+    shutil.copytree(source, package / "satid_gym", ignore=left_out)
     places = [folder, *(path for path in package.rglob("*") if path.is_dir())]
     for place in places:
         (place / "__pycache__").write_text("a file where the folder would have to be")

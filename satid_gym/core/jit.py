@@ -191,8 +191,8 @@ class KernelCache(FunctionCache):
         except OSError as error:
             _say(
                 "unwritten",
-                f"what it compiled cannot be kept in {self.cache_path} ({error.strerror or error}), so the next process "
-                "compiles it again: make room there, or set NUMBA_CACHE_DIR to a folder that can be written",
+                f"what it compiled cannot be kept in {self.cache_path} ({error.strerror or error}), so the next "
+                "process compiles it again: make room there, or set NUMBA_CACHE_DIR to a folder that can be written",
             )
 
 
