@@ -9,9 +9,9 @@ from stable_baselines3 import PPO
 from agents.rate_env import RateCommandVecEnv
 from agents.settings import TrainSettings
 from agents.train import learned_policy
-from baselines import make_baseline
 from satid_gym import RewardSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies import make_baseline
 
 torch.set_num_threads(1)  # the network is small: a second thread only takes cores from the environments
 
