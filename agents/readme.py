@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.results import read_results
 from baselines.ending import ended
 from satid_gym.files import read_json, write_text
 
@@ -78,7 +79,7 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
 
 def written(text: str) -> str:
     """The README with its tables made anew from the committed results."""
-    results = read_json(RESULTS / "compare.json", REMEDY, keys=("records", "revision", "command"))
+    results = read_results(RESULTS / "compare.json", REMEDY, keys=("records", "revision", "command"))
     text = between(text, "results", results_table(results))
     return between(text, "benchmark", benchmark_table(read_json(RESULTS / "benchmark.json", REMEDY)))
 

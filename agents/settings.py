@@ -31,7 +31,8 @@ class Task:
     satellite: str = "random"
     """Satellite to train on; "random" draws from all three."""
     wheel_scales: tuple[float, ...] = (1.0,)
-    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight")."""
+    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
+    has that factor already and takes 1 alone)."""
     inertia: str = "random"
     """How the inertia varies: a mode, or "random"; laws are randomised."""
     scenario: str = "default"
@@ -49,7 +50,14 @@ class Task:
         check_name(self.name)
         if self.satellite != "random" and self.satellite not in SATELLITES:
             raise unknown_name("satellite", self.satellite, [*SATELLITES, "random"])
-        problem(self.pool(), self.inertia, self.scenario)  # refuses what is no world
+        world = problem(self.pool(), self.inertia, self.scenario).scenario  # refuses what is no world
+        if world.wheel_speed_scale != 1.0 and set(self.wheel_scales) != {1.0}:
+            scales = ", ".join(f"{scale * world.wheel_speed_scale:g}" for scale in self.wheel_scales)
+            raise ValueError(
+                f"scenario {self.scenario!r} multiplies the wheels' speed limit by {world.wheel_speed_scale:g} "
+                f"already: with wheel_scales {self.wheel_scales} it would be {scales} of nominal; "
+                "add --wheel-scales 1, or train in scenario 'default'"
+            )
 
     @property
     def satellites(self) -> tuple[Satellite, ...]:
@@ -173,7 +181,8 @@ class ImitationSettings(Task):
     hidden: tuple[int, ...] = (128, 128)
     """Layers of the network."""
     wheel_scales: tuple[float, ...] = (1.0, 0.1)
-    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight")."""
+    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
+    has that factor already and takes 1 alone)."""
     margin: float = 2.75
     """Of the rate loop, in standard deviations of one decision's noise."""
     rounds: int = 6

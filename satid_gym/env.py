@@ -135,8 +135,8 @@ or a `Scenario` |
     | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
-    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
-`scenario={"horizon": seconds}` |
+    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, which leaves the \
+horizon as it is, so there give `scenario={"horizon": seconds}` |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
     | include_covariance | False | whether the filter's whole covariance is observed |

@@ -253,6 +253,38 @@ def test_bands_by_hand():
     assert rounded(np.array([1234.56, -0.000123456]), 2) == [1200.0, -0.00012]
 
 
+@pytest.mark.parametrize(
+    ("file", "name", "value"),
+    [
+        ("compare", "records", 5),
+        ("compare", "records", [{"policy": "sine"}]),
+        ("compare", "settings", []),
+        ("compare", "settings", {"satellites": 3, "modes": ["step"]}),
+        ("compare", "bounds", [7]),
+        ("compare", "efficiencies", None),
+        ("compare", "seeds", 1),
+        ("compare", "revision", 1),
+        ("report_data", "curves", {}),
+        ("report_data", "episode", []),
+        ("report_data", "bounds", 0.5),
+        ("report_data", "time", "long"),
+    ],
+)
+def test_damaged_results_end_the_command_in_a_line(file, name, value, folder, tmp_path, capsys):
+    for path in folder.glob("*.json"):
+        whole = json.loads(path.read_text())
+        if path.stem == file:
+            whole[name] = value
+        (tmp_path / path.name).write_text(json.dumps(whole))
+    code, _ = call(report, f"--results {tmp_path}")
+    errors = capsys.readouterr().err
+    assert (code, errors.count("\n")) == (2, 1)
+    assert f"{file}.json is damaged: " in errors
+    assert name in errors
+    assert "run python -m agents.compare again" in errors
+    assert not (tmp_path / "report.html").exists()
+
+
 def entry(policy, kind, mode, error, outside=0.0, **changed):
     base = dict.fromkeys(("nees", "information_nats", "effort", "saturated_fraction", "terminated_fraction"), 0.0)
     errors = {f"{name}_error_{end}": error for name in ("final", "mean") for end in ("mean", "lo", "hi")}

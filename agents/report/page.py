@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.report.leaderboard import ALL_MODES, leaderboard
-from satid_gym.files import read_json, write_text
+from agents.results import read_curves, read_results
+from satid_gym.files import write_text
 from satid_gym.metrics import MOST_BEYOND
 
 ASSETS = Path(__file__).parent / "assets"
@@ -22,6 +23,7 @@ _KEYS = {
     "results": (*_SAME_RUN, "versions", "records", "bounds", "efficiencies"),
     "curves": (*_SAME_RUN, "time", "curves", "bounds", "episode"),
 }
+_REMEDY = "run python -m agents.compare again"
 _FIRST_SHOWN = ("mpc", "rate_square")  # beside the learned and the best scripted
 
 
@@ -54,14 +56,13 @@ def rebuild(folder: Path, scenario: str) -> Path:
                 f"{folder / names[name]} is missing: run python -m agents.compare --scenario {scenario} "
                 f"--output {folder} first"
             )
-    results, curves = (
-        read_json(folder / names[name], "run python -m agents.compare again", keys=keys) for name, keys in _KEYS.items()
-    )
+    results = read_results(folder / names["results"], _REMEDY, keys=_KEYS["results"])
+    curves = read_curves(folder / names["curves"], _REMEDY, keys=_KEYS["curves"])
     differ = [name for name in _SAME_RUN if results[name] != curves[name]]
     if differ:
         raise ValueError(
             f"{names['results']} and {names['curves']} come from different comparisons (not the same {differ[0]}): "
-            "run python -m agents.compare again"
+            f"{_REMEDY}"
         )
     write_text(folder / names["page"], page(results, curves))
     return folder / names["page"]
