@@ -304,4 +304,4 @@ def test_settings_are_plain_values():
     settings = AdaptiveEKFSettings(inertia_walk=0.01, walk_drift=1)
     assert AdaptiveEKFSettings.from_dict(settings.to_dict()) == settings
     assert SatInertiaIDEnv(estimator=settings.to_dict()).problem.estimator == settings
-    assert SatInertiaIDEnv(scenario={"estimator": "adaptive"}).problem.estimator == AdaptiveEKFSettings()
+    assert SatInertiaIDEnv(scenario={"estimator": "adaptive"}).problem.estimator == AdaptiveEKFSettings(parameters="principal")

@@ -25,13 +25,14 @@ class Estimator(Protocol):
 
     Attributes:
         coordinates: "momentum" or "rate".
-        parameters: "principal" (p = 3) or "full" (p = 6).
+        parameters: "principal" (p = 3), "full" (p = 6), or None: what the briefing given to `reset` says is needed
+            (`Briefing.needed_parameters`).
         mean: (size,) state.
         covariance: (size, size).
     """
 
     coordinates: Literal["momentum", "rate"]
-    parameters: Parameters
+    parameters: Parameters | None
 
     @property
     def mean(self) -> np.ndarray:
