@@ -96,9 +96,9 @@ class Problem(Config):
         """
         if self.parameters == "principal":
             raise ValueError(
-                f'{missed}, and parameters "principal" would leave them out, far off and without a sign of it: make '
-                f'the environment with estimator={{"name": {self.estimator.name!r}, "parameters": "full"}}, or without '
-                "parameters, which are then what its satellites, law and scenario need"
+                f'{missed}: a filter with parameters "principal" leaves products of inertia out and is far off without '
+                f'saying so. Make the environment with estimator={{"name": "{self.estimator.name}", "parameters": '
+                '"full"}, or without parameters: it then takes what its satellites, law and scenario need'
             )
 
     @property
