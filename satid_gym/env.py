@@ -50,8 +50,8 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ## Observation space
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
     p = 3 moments of inertia; p = 6 where a satellite, the law or the scenario has products of inertia.
-    `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the last two parts, with which all
-    of the filter's covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque
+    `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the last two parts, with which
+    all of the filter's covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque
     (MomentumEKF and AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
 
     | name | size | meaning |
