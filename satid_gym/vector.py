@@ -130,7 +130,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         count = max(1, min(num_threads or most, self.num_envs // _LEAST_ROWS))
         edges = np.linspace(0, self.num_envs, count + 1).astype(int).tolist()
         self._shares = list(pairwise(edges))
-        self._work = [new_work(self.problem.wheels, self.problem.estimator) for _ in self._shares]
+        self._work = [new_work(self._beliefs) for _ in self._shares]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
 

@@ -10,6 +10,7 @@ import numpy as np
 from agents.report.curves import rounded
 from agents.tables import inside
 from baselines.recording import Recording, record
+from satid_gym.estimators.settings import inertia_tensors
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import SATELLITES
@@ -75,16 +76,15 @@ def _series(recording: Recording, termination_rate: float) -> dict[str, Any]:
     over = np.flatnonzero(np.abs(course.rate[0]).max(axis=1) > termination_rate)
     end = int(over[0]) + 1 if len(over) else len(course.rate[0])
     kept = slice(0, end, max(1, round(_INTERVAL / recording.dt)))
-    estimate, truth = np.zeros_like(course.inertia[0, kept]), course.inertia[0, kept]
-    moments = np.arange(3)
-    estimate[:, moments, moments] = recording.theta[0, kept]  # benchmark scenarios estimate principal moments
+    estimate, truth = inertia_tensors(recording.theta[0, kept]), course.inertia[0, kept]
+    moments = np.arange(3)  # the page draws these; of products of inertia only the error tells
     error = np.linalg.norm(estimate - truth, axis=(1, 2)) / np.linalg.norm(truth, axis=(1, 2))
-    sigma = np.sqrt(np.diagonal(recording.covariance[0, kept], axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(recording.covariance[0, kept, :3, :3], axis1=1, axis2=2))
     return {
         "time": rounded(recording.dt * np.arange(end)[kept], 6),
         "error": rounded(error, 4),
         "inertia": _rows(truth[:, moments, moments], 6),
-        "estimate": _rows(recording.theta[0, kept], 6),
+        "estimate": _rows(estimate[:, moments, moments], 6),
         "sigma": _rows(sigma),
         "rate": _rows(course.rate[0, kept], 4),
         "wheel_speed": _rows(course.wheel_speed[0, kept], 4),
