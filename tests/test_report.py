@@ -3,8 +3,6 @@
 import contextlib
 import io
 import json
-import os
-import shutil
 import sys
 from itertools import combinations
 
@@ -23,11 +21,6 @@ from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.files import read_json
 
 POLICIES = ("chirp", "rate_square", "zero", "generalist")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-ARGUMENTS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-)
 
 
 def call(module, line):
@@ -48,21 +41,6 @@ def folder(tmp_path_factory):
     assert code == 0
     assert str(path / "report.html") in printed.replace("\n", "")
     return path
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A headless Chromium; where there is none a user's tests skip, and those of CI fail."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        reason = f"none of {', '.join(BROWSERS)} is installed; for these tests: apt-get install chromium"
-        (pytest.fail if os.environ.get("CI") else pytest.skip)(reason)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=ARGUMENTS.split())
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
