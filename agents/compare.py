@@ -144,8 +144,7 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
             raise
     satellite, mode = shown = episode_cell(comparison.satellites, comparison.modes)
     names = protagonists([r for r in records if (r["satellite"], r["inertia_mode"]) == shown])
-    pilots = [policy for name in names for policy in teams[satellite] if policy.name == name]
-    episode = fly_episode(pilots, satellite=satellite, mode=mode, seed=chosen[0], scenario=world)
+    episode = fly_episode(teams[satellite], satellite=satellite, mode=mode, seed=chosen[0], scenario=world, shown=names)
     instants = world.decision_period * np.arange(1, world.decisions + 1)
     return {
         "command": command("agents.compare"),

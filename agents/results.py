@@ -11,7 +11,7 @@ from satid_gym.files import DamagedFileError, read_json
 
 _CELL = ("policy", "satellite", "inertia_mode")
 _INTERVAL = ("final_error_lo", "final_error_hi", "mean_error_lo", "mean_error_hi")
-_SCORES = ("outside_fraction", "saturated_fraction", "terminated_fraction", "information_nats", "effort")
+_SCORES = ("reward", "outside_fraction", "saturated_fraction", "terminated_fraction", "information_nats", "effort")
 _TEXT: dict[str, tuple[str, ...]] = {
     "records": (*_CELL, "kind"),
     "pairs": (*_CELL, "other"),

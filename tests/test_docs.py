@@ -29,7 +29,7 @@ from satid_gym.interface import INFO_KEYS, RESET_OPTIONS
 from satid_gym.problem import problem
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
-PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
+PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md", "docs/README.md")}
 
 
 def blocks(text, language):

@@ -5,6 +5,7 @@ Files are read from `assets/`. The page asks for nothing from any network, and i
 
 from __future__ import annotations
 
+import html
 import json
 import string
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.report.leaderboard import ALL_MODES, leaderboard
+from agents.report.looks import place
 from agents.results import read_curves, read_results
 from satid_gym.files import write_text
 from satid_gym.metrics import MOST_BEYOND
@@ -74,6 +76,7 @@ def page(results: Mapping[str, Any], curves: Mapping[str, Any]) -> str:
     licence = (ASSETS / "plotly-LICENSE").read_text(encoding="utf-8")
     template = string.Template((ASSETS / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
+        scenario=html.escape(results["settings"]["scenario"]),
         style=(ASSETS / "page.css").read_text(encoding="utf-8"),
         plotly=f"/* plotly.js\n{licence}*/\n{plotly}",
         script="\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS),
@@ -90,7 +93,7 @@ def page_data(results: Mapping[str, Any], curves: Mapping[str, Any]) -> dict[str
         "satellites": satellites,
         "modes": modes,
         "most_beyond": MOST_BEYOND,
-        "policies": [{"name": name, "kind": kind} for name, kind in policies],
+        "policies": [{"name": name, "kind": kind, "place": place(name)} for name, kind in policies],
         "shown": first_shown(results),
         "cells": {
             satellite: {mode: leaderboard(results, satellite, mode) for mode in (*modes, ALL_MODES)}
