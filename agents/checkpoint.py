@@ -18,8 +18,8 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from agents.rate_env import RateCommandVecEnv
 from satid_gym.files import DamagedFileError, write_bytes
+from satid_gym.sb3 import RateCommandVecEnv
 
 _DIGEST = hashlib.sha256().digest_size
 

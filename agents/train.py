@@ -30,7 +30,6 @@ from stable_baselines3.common.logger import configure
 from tqdm import tqdm
 
 from agents import checkpoint
-from agents.rate_env import RateCommandVecEnv
 from agents.settings import Task, TrainSettings, named
 from baselines.ending import ended
 from baselines.provenance import command, revision, versions
@@ -38,6 +37,7 @@ from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import PART, write_json, write_text
 from satid_gym.metrics import MOST_BEYOND, beyond_envelope
 from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.sb3 import RateCommandVecEnv
 
 CURVE_FIELDS = (
     "steps",

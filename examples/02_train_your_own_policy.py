@@ -6,24 +6,22 @@ From the checkout: PYTHONPATH=. python examples/02_train_your_own_policy.py
 import torch
 from stable_baselines3 import PPO
 
-from agents.rate_env import RateCommandVecEnv
 from agents.settings import TrainSettings
 from agents.train import learned_policy
-from satid_gym import RewardSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import make_baseline
+from satid_gym.sb3 import RateCommandVecEnv
 
 torch.set_num_threads(1)  # the network is small: a second thread only takes cores from the environments
 
 # The network commands body rates; the rate loop turns them into torque. What is paid for is information held.
 settings = TrainSettings(name="mine", satellite="microsat", margin=2.6)
-reward = RewardSettings(held_scale=0.5, held_reference=22.0, envelope_margin=1.0)
 env = RateCommandVecEnv(
     64,
     margin=settings.margin,
     stagger=True,  # so that a rollout holds every part of an episode
     satellite=settings.satellite,
-    reward=reward,
+    reward=settings.reward,
     include_covariance=settings.include_covariance,
 )
 env.seed(0)
