@@ -137,7 +137,7 @@ class InertiaLaw(Config):
                 f"horizon / period of the inertia law must be a whole number below {MOST_KNOTS}, got {count:g}"
             )
         times = period * np.arange(round(count) + 1)
-        return cls(TABLE, times=times, values=np.array([function(float(t)) for t in times]), name=name)
+        return cls("table", times=times, values=np.array([function(float(t)) for t in times]), name=name)
 
 
 def _first_fall(times: np.ndarray) -> str:

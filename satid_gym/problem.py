@@ -114,7 +114,8 @@ def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
         return (_satellite(satellite),)
     if not isinstance(satellite, Sequence) or not satellite:
         raise ValueError(
-            f"satellite must be a name, a file, module:name, a Satellite, a mapping or a list of these, got {satellite!r}"
+            "satellite must be a name, a file, module:name, a Satellite, a mapping or a list of these, "
+            f"got {satellite!r}"
         )
     return tuple(_satellite(s) for s in satellite)
 
