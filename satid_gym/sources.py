@@ -97,7 +97,7 @@ def _imported(module: str, name: str) -> Any:
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets begin with a mark
     except FileNotFoundError as error:
         raise ValueError("there is no such file") from error
     except OSError as error:
