@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from baselines import BASELINES, make_baseline
+from baselines import BASELINES, build, make_baseline
+from baselines.tune import PLANNERS
 from satid_gym.config import unknown_name
 from satid_gym.files import read_json
 from satid_gym.laws import InertiaLaw
@@ -29,7 +30,8 @@ class Cast:
     Attributes:
         satellites, modes, scenario: of the cells.
         teams: policies of each satellite, by its name.
-        left_out: lines that say which baselines do not fly a satellite, and which command would let them.
+        not_tuned: lines that say which baselines have no settings for a satellite and are left out, or fly with their
+            default ones, and which command finds them.
         given: learned policies that were named by a path, as results tell of them.
     """
 
@@ -37,7 +39,7 @@ class Cast:
     modes: Sequence[str | InertiaLaw]
     scenario: Scenario
     teams: Mapping[str, Sequence[Policy]]
-    left_out: Sequence[str] = ()
+    not_tuned: Sequence[str] = ()
     given: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def definitions(self) -> dict[str, Any]:
@@ -47,7 +49,7 @@ class Cast:
             "satellites": {satellite.name: satellite.to_dict() for satellite in self.satellites},
             "laws": {law.label: law.to_dict() for law in laws},
             "policies": {name: dict(values) for name, values in self.given.items()},
-            "left_out": list(self.left_out),
+            "not_tuned": list(self.not_tuned),
         }
 
 
@@ -78,27 +80,53 @@ class Prepared:
                             f"--{kind} {text} again"
                         )
 
-    def policy(
+    def find(
         self, name: str, satellite: Satellite, scenario: tuple[str, Scenario], flown: Sequence[tuple[str, Satellite]]
-    ) -> Policy:
-        """A baseline with its settings for a satellite, one of those `flown`; texts are what they were named by.
+    ) -> tuple[Policy | None, str]:
+        """A baseline for a satellite, one of those `flown`, and what is to be said of it.
 
-        Raises:
-            NotPreparedError: there are none; the message has the command that finds them for all that lack them.
+        Planners that were not tuned fly with their default margin; what has no default is None. Texts are what
+        satellites and scenario were named by; the line has the command that finds settings for all that lack them.
         """
         text, world = scenario
         try:
-            return make_baseline(name, satellite.name, world.name, tuned=self.tuned, designs=self.designs)
-        except NotPreparedError as error:
+            return make_baseline(name, satellite.name, world.name, tuned=self.tuned, designs=self.designs), ""
+        except NotPreparedError:
             lacking = [given for given, own in flown if own.name not in SATELLITES or world.name not in SCENARIOS]
-            module, option, file = "baselines.tune", "--tuned", "my_tuned.json"
-            if name == OpenLoopOptimalPolicy.name:
-                module, option, file = "baselines.design", "--designs", "my_designs.json"
-            search = ["python", "-m", module, "--satellites", *lacking, "--scenarios", text, "--output", file]
-            raise NotPreparedError(
-                f"{name} has no settings for satellite {satellite.name!r} in scenario {world.name!r}: "
-                f"run {shlex.join(search)} and add {option} {file}"
-            ) from error
+        module, option, file = "baselines.tune", "--tuned", "my_tuned.json"
+        if name == OpenLoopOptimalPolicy.name:
+            module, option, file = "baselines.design", "--designs", "my_designs.json"
+        search = [
+            "python",
+            "-m",
+            module,
+            "--satellites",
+            *(lacking or [satellite.name]),
+            "--scenarios",
+            text,
+            "--output",
+            file,
+        ]
+        line = (
+            f"{name} has no settings for satellite {satellite.name!r} in scenario {world.name!r}: "
+            f"run {shlex.join(search)} and add {option} {file}"
+        )
+        if name in PLANNERS:
+            return build(name, {}), f"{line} (meanwhile it flies with its default margin)"
+        return None, line
+
+    def policy(
+        self, name: str, satellite: Satellite, scenario: tuple[str, Scenario], flown: Sequence[tuple[str, Satellite]]
+    ) -> Policy:
+        """The same where it must not be missing.
+
+        Raises:
+            NotPreparedError: it has no settings; the message has the command that finds them.
+        """
+        policy, line = self.find(name, satellite, scenario, flown)
+        if policy is None:
+            raise NotPreparedError(line)
+        return policy
 
 
 def learned_by(texts: Sequence[str]) -> tuple[list[LearnedPolicy], dict[str, dict[str, Any]]]:

@@ -89,18 +89,21 @@ class Comparison:
         world = (self.scenario, scenario)
         self.prepared.check(texts, [world])
         teams: dict[str, list[Policy]] = {}
-        left_out = []
+        not_tuned: list[str] = []
         for satellite in satellites:
             teams[satellite.name] = team = []
             for name in (name for name in BASELINES if name in (self.policies or BASELINES)):
-                try:
-                    team.append(self.prepared.policy(name, satellite, world, texts))
-                except NotPreparedError as error:
-                    if self.policies:
-                        raise
-                    left_out.append(str(error))
+                policy, line = self.prepared.find(name, satellite, world, texts)
+                if policy is not None:
+                    team.append(policy)
+                elif self.policies:
+                    raise NotPreparedError(line)
+                if line:
+                    not_tuned.append(line)
             team += learned
-        return Cast(satellites=satellites, modes=modes, scenario=scenario, teams=teams, left_out=left_out, given=given)
+        return Cast(
+            satellites=satellites, modes=modes, scenario=scenario, teams=teams, not_tuned=not_tuned, given=given
+        )
 
     def settings(self, cast: Cast) -> dict[str, Any]:
         """Plain values, names in the place of what they were given by."""
@@ -233,7 +236,7 @@ def main() -> int:
         "bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds\n"
         "bound: root mean square error that no estimator beats under any excitation inside the envelope; ideal: "
         "that of the best fixed walk, told of steps, if all samples told as much; efficiency: bound / achieved\n"
-        + "".join(f"left out: {line}\n" for line in cast.left_out)
+        + "".join(f"not tuned: {line}\n" for line in cast.not_tuned)
         + f"{results['command']}, revision {results['revision']}, scenario {cast.scenario.name}, "
         f"{comparison.seed_split} seeds {first} to {first + count - 1}\n"
         f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s\n"

@@ -101,7 +101,7 @@ def _panel(pilot: Pilot, width: int) -> Panel:
             number = Text(f"{value:+.2f}", "bold red" if abs(value) > 1.0 else "")
             rows.add_row(f"{label} {'xyz'[i] if name == 'rate' else i + 1}", bar(value, length, AXES[i % 3]), number)
     information = Text(f"gained {history['information'][-1]:.0f} nats")
-    outside = Text(f"outside {100 * pilot.outside:.1f} %", "bold red" if pilot.history["cost"][-1] > 0.0 else "")
+    outside = Text(f"outside {100 * pilot.outside:.1f} %", "bold red" if pilot.history["outside"][-1] > 0.0 else "")
     foot = Table.grid(expand=True)
     foot.add_column()
     foot.add_column(justify="right")

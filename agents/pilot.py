@@ -44,7 +44,7 @@ class Pilot:
         self._observation, self.info = env.reset(seed=seed)
         self.over = self.terminated = False
         self.history: dict[str, list] = {
-            name: [] for name in ("relative_error", "rate", "wheel_speed", "std", "cost", "information")
+            name: [] for name in ("relative_error", "rate", "wheel_speed", "std", "outside", "information")
         }
         self._note()
 
@@ -63,7 +63,7 @@ class Pilot:
         for name in ("rate", "wheel_speed"):
             self.history[name].append(self._observation[places[name]].copy())
         self.history["std"].append(10.0 ** (self._observation[places["uncertainty"]][:3].astype(float) - 2.0))
-        self.history["cost"].append(self.info["cost"])
+        self.history["outside"].append(self.info["outside"])
         gained.append((gained[-1] if gained else 0.0) + self.info["information_gain"])
 
     @property
@@ -84,7 +84,7 @@ class Pilot:
     @property
     def outside(self) -> float:
         """Share of the time so far with a rate outside its limit."""
-        return float(np.mean(self.history["cost"][1:] or [0.0]))
+        return float(np.mean(self.history["outside"][1:] or [0.0]))
 
 
 @dataclass(frozen=True, kw_only=True)

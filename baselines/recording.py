@@ -124,7 +124,7 @@ def _fly(
     shapes |= {"gyro": (3,), "tachometer": (n,), "theta": (p,), "covariance": (p, p), "attitude": (4,)}
     series = {name: np.zeros((rows, length, *shape)) for name, shape in shapes.items()}
     rngs = [np.random.default_rng([seed, 2]) for seed in seeds]
-    work, cost = new_work(n, posed.estimator), np.zeros(rows)
+    work, outside = new_work(n, posed.estimator), np.zeros(rows)
     records = tuple(state[name] for name in ("plants", "beliefs", "tasks"))
     records += (work, state["reports"], state["observations"])
     actions = np.zeros((rows, n), np.float32)
@@ -135,12 +135,12 @@ def _fly(
         if t >= 0:
             actions[:] = policy(state["observations"].copy())
         decide_many(t, actions, steps, *records, *series.values())
-        cost += state["reports"]["cost"] if t >= 0 else 0.0
+        outside += state["reports"]["outside"] if t >= 0 else 0.0
     readings = {name: series.pop(name) for name in ("gyro", "tachometer", "theta", "covariance", "attitude")}
     return Recording(
         course=Course(**series),
         dt=world.sample_period,
-        outside=cost / world.decisions,
+        outside=outside / world.decisions,
         guarded=int(state["beliefs"]["guarded"].sum()),
         **readings,
     )

@@ -11,8 +11,10 @@ the time more than no torque at all is, and failing that the one that is beyond 
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from tqdm import tqdm
 from baselines.ending import ended, refusal
 from baselines.provenance import command, revision, versions
 from satid_gym.config import check_whole
+from satid_gym.control.planner import PLANNING_MARGIN
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.metrics import MOST_BEYOND, beyond_envelope
@@ -34,11 +37,17 @@ from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 from satid_gym.selection import select_satellites, select_scenarios
 
-HOPELESS = 0.3  # beyond this share more amplitude is not tried: it only leads further out
-AMPLITUDES = np.geomspace(0.002, 1.0, 28).round(5).tolist()  # of the torque limit
+HOPELESS = 0.1  # beyond this share more amplitude is not tried: it only leads further out
+AMPLITUDES = np.geomspace(0.0005, 1.0, 34).round(5).tolist()  # of the torque limit; a quarter apart
+FINER = (0.89, 0.945, 1.06, 1.12)  # what is tried about the best amplitude
 STAGGERED_PERIODS = [6.0, 12.0, 24.0, 36.0, 60.0, 120.0]  # s
 RATE_PERIODS = [4.0, 6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 60.0, 84.0]  # s
-MARGINS = [3.0, 2.75, 2.5, 2.25, 2.0]  # standard deviations
+MARGINS = [3.0, 2.75, 2.6, 2.5, 2.4, 2.25, 2.0]  # standard deviations
+PLANNERS = (
+    "greedy",
+    "greedy_horizon",
+    "mpc",
+)  # a flight takes long: fewer episodes, and they keep their margin in "paper"
 
 Settings = dict[str, float]
 
@@ -64,7 +73,11 @@ class Trial:
 
 
 def grid(name: str, satellite: Satellite, scenario: ScenarioLike) -> list[list[Settings]]:
-    """Settings to try, in rows that lead further and further out of the envelope."""
+    """Settings to try, in rows that lead further and further out of the envelope.
+
+    Raises:
+        ValueError: the baseline has no settings to tune.
+    """
     if name in PROFILES and scenario == "paper" and satellite.name in PAPER_SCALES:
         torque = PAPER_AMPLITUDES[name] * PAPER_SCALES[satellite.name]
         return [[{"amplitude": float(torque / satellite.wheels.max_torque.min())}]]
@@ -72,7 +85,11 @@ def grid(name: str, satellite: Satellite, scenario: ScenarioLike) -> list[list[S
         return [[{"amplitude": a} for a in AMPLITUDES]]
     if name == "staggered_square":
         return [[{"amplitude": a, "period": period} for a in AMPLITUDES] for period in STAGGERED_PERIODS]
-    return [[{"period": period, "margin": k} for k in MARGINS] for period in RATE_PERIODS]
+    if name == "rate_square":
+        return [[{"period": period, "margin": k} for k in MARGINS] for period in RATE_PERIODS]
+    if name in PLANNERS:
+        return [[{"margin": k} for k in ([PLANNING_MARGIN] if scenario == "paper" else MARGINS)]]
+    raise ValueError(f"{name} has no settings to tune; give it a grid in baselines.tune")
 
 
 def best(trials: Sequence[Trial], idle: float) -> Trial:
@@ -84,14 +101,26 @@ def best(trials: Sequence[Trial], idle: float) -> Trial:
     return min(trials, key=lambda t: t.beyond)
 
 
+def edge(trial: Trial) -> bool:
+    """Whether a setting is the lowest amplitude that was tried: the best that the signal can do is next to nothing."""
+    return trial.settings.get("amplitude", 1.0) <= AMPLITUDES[0]
+
+
 def sweep(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> list[Trial]:
-    """All settings of a baseline that are worth trying, tried."""
-    trials = []
+    """All settings of a baseline that are worth trying, tried: the grid, and amplitudes close to the best of it."""
+    count = max(1, episodes * 2 // 5) if name in PLANNERS else episodes
+    trials: list[Trial] = []
     for row in grid(name, satellite, scenario):
         for settings in row:
-            trials.append(attempt(name, settings, satellite, scenario, episodes=episodes))
-            if trials[-1].outside_fraction > HOPELESS:
+            trials.append(attempt(name, settings, satellite, scenario, episodes=count))
+            if trials[-1].outside_fraction > (MOST_BEYOND if "margin" in settings else HOPELESS):
                 break
+    if "amplitude" in trials[0].settings and scenario != "paper":
+        idle = attempt("zero", {}, satellite, scenario, episodes=count)
+        top = best(trials, idle.beyond).settings
+        for factor in FINER:
+            finer = {**top, "amplitude": round(min(top["amplitude"] * factor, 1.0), 5)}
+            trials.append(attempt(name, finer, satellite, scenario, episodes=count))
     return trials
 
 
@@ -109,6 +138,7 @@ def attempt(name: str, settings: Settings, satellite: Satellite, scenario: Scena
         inertia="random",
         seeds=seeds("tuning", episodes),
         scenario=benchmark_scenario(scenario),
+        num_threads=1,  # cells are tuned side by side
     )
     return judge(settings, flight)
 
@@ -153,14 +183,27 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     cells = [(s, satellite, name) for s in scenarios for satellite in satellites for name in names]
     entries: list[dict[str, Any]] = []
     tried: list[dict[str, Any]] = []
-    for world, satellite, name in tqdm(cells, desc="tuning", unit="baseline"):
-        scenario = world.name if world.name in SCENARIOS else world
-        cell = {"policy": name, "satellite": satellite.name, "scenario": world.name}
-        trials = sweep(name, satellite, scenario, episodes=tuning.episodes)
-        idle = attempt("zero", {}, satellite, scenario, episodes=tuning.episodes)
-        chosen = best(trials, idle.beyond)
-        entries.append({**cell, **dataclasses.asdict(chosen), "inside": chosen.inside})
-        tried += [{**cell, **dataclasses.asdict(trial)} for trial in trials]
+
+    def flown(world: Scenario) -> ScenarioLike:
+        return world.name if world.name in SCENARIOS else world  # grids know "paper" by its name
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        idle = {
+            (world.name, satellite.name): attempt("zero", {}, satellite, flown(world), episodes=tuning.episodes).beyond
+            for world in scenarios
+            for satellite in satellites
+        }
+        sweeps = pool.map(lambda cell: sweep(cell[2], cell[1], flown(cell[0]), episodes=tuning.episodes), cells)
+        try:
+            bar = tqdm(sweeps, total=len(cells), desc="tuning", unit="baseline")
+            for (world, satellite, name), trials in zip(cells, bar, strict=True):
+                place = {"policy": name, "satellite": satellite.name, "scenario": world.name}
+                chosen = best(trials, idle[world.name, satellite.name])
+                entries.append({**place, **dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)})
+                tried += [{**place, **dataclasses.asdict(trial)} for trial in trials]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
+            raise
     used = seeds("tuning", tuning.episodes)
     tuned = {
         "command": command("baselines.tune"),
@@ -177,6 +220,7 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
             "staggered_square.period": STAGGERED_PERIODS,
             "rate_square.period": RATE_PERIODS,
             "rate_square.margin": MARGINS,
+            "margin of planners": MARGINS,
         },
         "definitions": definitions(satellites, scenarios),
         "entries": entries,

@@ -20,7 +20,7 @@ for second in range(300):
     action = 0.125 * np.where(phase % 1.0 < 0.5, 1.0, -1.0)
     observation, reward, terminated, truncated, info = env.step(action)
     if second % 60 == 59 or terminated:
-        nats, outside = info["information_held"], info["cost"]
+        nats, outside = info["information_held"], info["outside"]
         print(f"{info['time']:5.0f} s: error {info['relative_error']:.2%}, {nats:.1f} nats held, {outside:.0%} outside")
     if terminated or truncated:
         break

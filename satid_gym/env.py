@@ -75,7 +75,8 @@ limit for momentum, prior std for torque, limits for rate and wheel speeds; -10 
 without the 3 x p block that `correlation` holds |
 
     ## Reward
-    gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort
+    gain_scale gained + held_scale (held - held_reference)
+    - envelope_weight excess - saturation_weight saturated - effort_weight effort
 
     | term | default weight | meaning |
     |---|---|---|
@@ -84,7 +85,8 @@ covariance of the inertia parameters, in nats; never negative, but where the Ada
     | held | 0.1 | nats by which the inertia is better known at the decision's end than before launch: \
 1/2 log(det P before launch / det P) |
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
-over the rate limit, less 0.96, where positive |
+over the rate limit, less 1, where positive |
+    | saturated | 1 | share of the wheels that were at their speed limit in the decision |
     | effort | 0 | mean square of the action, 0 to 1 |
 
     `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` makes what is gained the
@@ -112,7 +114,8 @@ over the rate limit, less 0.96, where positive |
     | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when honest |
     | nis | normalised innovation squared of the last update, per degree of freedom |
     | information_gain, information_held | nats of this decision, and since before launch |
-    | cost | share of the decision's samples with a true rate outside the limit (as in Safety-Gymnasium) |
+    | outside | share of the decision's samples with a true rate outside the limit |
+    | cost | the larger of `outside` and the share of wheels that were at their speed limit (as in Safety-Gymnasium) |
     | effort | mean square of the action |
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque, N m |

@@ -138,7 +138,7 @@ def fly(
         observation, gained, terminated, _, info = env.step(policy(observation))
         now = alive[t]
         series["error"][t] = np.where(now, info["relative_error"], series["error"][t - 1])
-        series["outside"][t] = np.where(now, info["cost"], 1.0)
+        series["outside"][t] = np.where(now, info["outside"], 1.0)
         series["nees"][t] = np.where(now, info["nees"], 0.0)
         series["information"][t] = np.where(now, info["information_gain"], 0.0)
         series["effort"][t] = np.where(now, info["effort"], 0.0)

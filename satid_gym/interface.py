@@ -23,6 +23,7 @@ INFO_KEYS = (
     "nis",
     "information_gain",
     "information_held",
+    "outside",
     "cost",
     "effort",
     "saturated",

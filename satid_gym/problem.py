@@ -21,7 +21,7 @@ from satid_gym.estimators.settings import PARAMETER_COUNT, EstimatorSettings, br
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES, TABLE, InertiaLaw, LawRanges
 from satid_gym.plant import new_plant
-from satid_gym.reward import CRITERIA, RewardSettings, reward_settings
+from satid_gym.reward import CRITERIA, NUMBERS, RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite, inertia_tensor
 from satid_gym.scenario import SCENARIOS, Scenario
 
@@ -244,7 +244,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     stored = np.abs(satellite.wheels.axes) @ (satellite.wheels.inertia * satellite.wheels.max_speed)
     task["swing"] = np.diag(prior) * satellite.rate_limit / stored
     task["criterion"], task["net"] = CRITERIA.index(reward.criterion), reward.net
-    for name in ("gain_scale", "held_scale", "held_reference", "envelope_margin", "envelope_weight", "effort_weight"):
+    for name in NUMBERS:
         task[name] = getattr(reward, name)
     return rows
 

@@ -10,11 +10,23 @@ from satid_gym.config import Config, check_number
 
 Criterion = Literal["logdet", "trace", "maxeig"]
 CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
+NUMBERS = (
+    "gain_scale",
+    "held_scale",
+    "held_reference",
+    "envelope_weight",
+    "envelope_margin",
+    "saturation_weight",
+    "effort_weight",
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RewardSettings(Config):
-    """gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort.
+    """Weights of the reward.
+
+    gain_scale gained + held_scale (held - held_reference)
+    - envelope_weight excess - saturation_weight saturated - effort_weight effort
 
     Attributes:
         criterion: what counts as information on theta, in nats: "logdet" (D-optimality), "trace" (A),
@@ -27,7 +39,9 @@ class RewardSettings(Config):
         envelope_weight: penalty for a unit of excess: the largest measured rate of the decision over the rate
             limit, less the margin, where positive, summed over axes. Where the filter rejects a reading or gets
             none, its own estimate of the rate takes the reading's place.
-        envelope_margin: fraction of the rate limit at which the penalty begins.
+        envelope_margin: fraction of the rate limit at which the penalty begins. Below 1 it is paid inside the envelope
+            too, and the reward no longer ranks policies as their errors do.
+        saturation_weight: penalty for the share of the wheels that were at their speed limit in the decision.
         effort_weight: penalty for the mean square of the action.
 
     Raises:
@@ -40,19 +54,13 @@ class RewardSettings(Config):
     held_scale: float = 0.1
     held_reference: float = 0.0
     envelope_weight: float = 10.0
-    envelope_margin: float = 0.96
+    envelope_margin: float = 1.0
+    saturation_weight: float = 1.0
     effort_weight: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in (
-            "gain_scale",
-            "held_scale",
-            "held_reference",
-            "envelope_weight",
-            "envelope_margin",
-            "effort_weight",
-        ):
+        for name in NUMBERS:
             check_number(name, getattr(self, name))
 
 

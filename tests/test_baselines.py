@@ -101,7 +101,7 @@ def test_belief_in_physical_units_by_hand():
     np.testing.assert_allclose(belief.wheel_momentum, [[0.0046, 0.0, -0.0092]])
     yz = -0.1 * np.sqrt(0.26 * 0.16)
     np.testing.assert_allclose(belief.inertia[0], [[0.286, 0.013, 0.0], [0.013, 0.26, yz], [0.0, yz, 0.24]])
-    np.testing.assert_allclose(belief.inertia_std, [[1.0, 0.1, 0.01]])
+    np.testing.assert_allclose(belief.inertia_std, [[1.0, 0.1, 0.01, 1e-3, 1e-3, 1e-3]])
     np.testing.assert_allclose(
         belief.momentum, [[0.286 * 0.025 + 0.0046, 0.013 * 0.025 - 0.05 * yz, -0.05 * 0.24 - 0.0092]]
     )

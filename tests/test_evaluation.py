@@ -199,7 +199,7 @@ def test_flight_equals_the_single_environment():
             assert flight.error[t, i] == pytest.approx(info["relative_error"], rel=1e-9)
             assert flight.nees[t, i] == pytest.approx(info["nees"], rel=1e-9)
             assert flight.information[t, i] == pytest.approx(info["information_gain"], rel=1e-9)
-            assert flight.outside[t, i] == pytest.approx(info["cost"])
+            assert flight.outside[t, i] == pytest.approx(info["outside"])
             assert flight.reward[t, i] == pytest.approx(reward, rel=1e-9)
         assert flight.effort[-1, i] == pytest.approx((0.02**2 + 0.01**2) / 3.0, rel=1e-6)
 

@@ -239,15 +239,17 @@ def test_absolute_paths_stay_out_of_results(folder):
         assert str(folder) not in path.read_text(), path.name
 
 
-def test_baselines_that_have_no_settings_are_left_out_with_the_command_that_finds_them(monkeypatch):
+def test_baselines_that_have_no_settings_are_left_out_with_the_command_that_finds_them():
     cast = compare.Comparison(satellites=("scout.toml", "cubesat"), episodes=2).cast()
     names = {satellite: {policy.name for policy in team} for satellite, team in cast.teams.items()}
     assert {"generalist", "mpc", "greedy", "random", "zero"} <= names["scout"]
     missing = names["cubesat"] - names["scout"]
     assert {"rate_square", "sine", "open_loop_optimal"} <= missing
-    assert len(cast.left_out) == len(missing)
-    assert cast.definitions()["left_out"] == cast.left_out
-    said = "\n".join(cast.left_out)
+    lines = [line for line in cast.not_tuned if "'scout'" in line]
+    assert len(lines) == len(missing | set(tune.PLANNERS))
+    assert cast.definitions()["not_tuned"] == cast.not_tuned
+    said = "\n".join(lines)
+    assert said.count("(meanwhile it flies with its default margin)") == len(tune.PLANNERS)
     assert (
         "rate_square has no settings for satellite 'scout' in scenario 'default': run python -m baselines.tune "
         "--satellites scout.toml --scenarios default --output my_tuned.json and add --tuned my_tuned.json"
@@ -278,7 +280,11 @@ def few(monkeypatch):
     )
 
 
-_SETTINGS = {"rate_square": {"period": 20.0, "margin": 2.5}, "staggered_square": {"amplitude": 0.02, "period": 24.0}}
+_SETTINGS = {
+    "rate_square": {"period": 20.0, "margin": 2.5},
+    "staggered_square": {"amplitude": 0.02, "period": 24.0},
+    **{name: {"margin": 2.5} for name in tune.PLANNERS},
+}
 
 
 def test_tuned_and_designed_for_a_satellite_of_ones_own(folder, monkeypatch):
@@ -295,7 +301,7 @@ def test_tuned_and_designed_for_a_satellite_of_ones_own(folder, monkeypatch):
     assert (results["settings"]["tuned"], results["settings"]["designs"]) == ("my_tuned.json", "my_designs.json")
     cast = compare.Comparison(satellites=("scout.toml",), scenario="brief.json", prepared=compare.Prepared(
         tuned=Path("my_tuned.json"), designs=Path("my_designs.json")), episodes=2).cast()  # fmt: skip
-    assert not cast.left_out
+    assert not cast.not_tuned
     (folder / "scout.toml").write_text(SCOUT.replace("2.4", "2.5"))
     code, _, errors = call(compare, f"{flown} --policies rate_square {prepared}")
     assert code == 2

@@ -70,7 +70,7 @@ def test_a_pilot_far_outside_its_limits_stops():
         pilot.step()
     assert pilot.over
     assert pilot.terminated
-    assert len(pilot.history["cost"]) < 20
+    assert len(pilot.history["outside"]) < 20
     assert np.abs(pilot.history["rate"][-1]).max() > 3.0
     assert pilot.outside > 0.3
 
@@ -125,7 +125,7 @@ def test_a_picture_says_when_an_episode_ended_early():
     ]
     pictures = list(record.frames(pilots, every=1))
     assert all(pilot.terminated for pilot in pilots)
-    assert len(pictures) == max(len(pilot.history["cost"]) for pilot in pilots)
+    assert len(pictures) == max(len(pilot.history["outside"]) for pilot in pilots)
 
 
 # files

@@ -75,7 +75,7 @@ def test_history_is_what_info_says():
         np.testing.assert_array_equal(getattr(history, name), [np.diag(info[key]) for info in infos])
     for name in ("time", "relative_error"):
         np.testing.assert_array_equal(getattr(history, name), [info[name] for info in infos])
-    assert history.outside == pytest.approx(np.mean([info["cost"] for info in infos[1:]]))
+    assert history.outside == pytest.approx(np.mean([info["outside"] for info in infos[1:]]))
     scale = env._beliefs["theta_scale"][0]
     shown = np.log10(history.std[-1] / scale) + 2.0
     np.testing.assert_allclose(shown, env._observation[0][env.layout["uncertainty"]], rtol=1e-5)

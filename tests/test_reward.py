@@ -148,13 +148,13 @@ def test_effort_is_the_mean_square_of_the_action_cut_to_the_limits():
 
 
 def test_envelope_penalty_by_hand():
-    """Largest readings of the decision 0.97, 0.5 and 1.2 limits, margin 0.96: 10 (0.01 + 0 + 0.24) = 2.5."""
+    """Largest readings of the decision 0.97, 0.5 and 1.2 limits: 10 (0 + 0 + 0.2) = 2; nothing is paid inside."""
     env = SatInertiaIDEnv(reward={"held_scale": 0.0})
     env.reset(seed=1)
     observation = np.zeros((env.observation_space.shape[0]), np.float32)
     env._reports["peak_rate"][0] = np.array([0.97, 0.5, 1.2]) * 0.03
     kernels.conclude(env._plants, env._beliefs, env._tasks, env._work, env._reports, observation)
-    assert env._reports["reward"][0] == pytest.approx(-2.5, rel=1e-9)
+    assert env._reports["reward"][0] == pytest.approx(-2.0, rel=1e-9)
 
 
 def test_envelope_penalty_counts_the_largest_reading_of_the_decision():
@@ -181,6 +181,17 @@ def test_cost_is_the_share_of_samples_that_the_true_rate_is_outside():
     # full torque on one wheel: 0.1 / (6 - j) rad/s^2, so 0.03 rad/s is passed at 1.7994 s: 2 of 10 samples inside
     costs = [env.step(np.array([1.0, 0.0, 0.0], np.float32))[4]["cost"] for _ in range(3)]
     assert costs == [0.0, pytest.approx(0.3), 1.0]
+
+
+def test_a_wheel_at_its_speed_limit_costs_its_share_of_the_wheels():
+    calm = {"disturbance_scale": 0.0, "torque_noise": 0.0, "initial_rate_std": 0.0, "wheel_speed_range": 0.0}
+    weights = {"held_scale": 0.0, "envelope_weight": 0.0, "saturation_weight": 3.0}
+    env = SatInertiaIDEnv("cubesat", "static", {**calm, "name": "tight"}, reward=weights)  # 46 rad/s hold .0046 N m s
+    env.reset(seed=3)
+    steps = [env.step(np.array([0.5, 0.0, 0.0], np.float32)) for _ in range(2)]  # .005 N m: full after .92 s
+    assert [step[1] for step in steps] == [pytest.approx(-1.0), pytest.approx(-1.0)]
+    assert [step[4]["cost"] for step in steps] == [pytest.approx(1.0 / 3.0)] * 2
+    assert [step[4]["outside"] for step in steps] == [0.0, 0.0]
 
 
 def test_net_gain_telescopes_and_held_is_its_sum():

@@ -21,8 +21,8 @@ class Craft:
         wheel_inertia, max_torque, max_spin: (R, n) of the wheels; max_spin = j times the speed limit, N m s.
         impulse_std: (R, n) std of what motor torque noise does to a wheel in one decision, N m s.
         axes: (R, 3, n) wheel axes.
-        mixer: (R, n, 3) pseudo-inverse of the axes.
-        carried: (R, 3, 3) A j A^T, kg m^2.
+        allocation: (R, n, 3) pseudo-inverse of the axes.
+        rotor_inertia: (R, 3, 3) A j A^T, kg m^2.
         prior: (R, 3, 3) mean of the filter's prior, kg m^2.
     """
 
@@ -34,8 +34,8 @@ class Craft:
     max_spin: np.ndarray
     impulse_std: np.ndarray
     axes: np.ndarray
-    mixer: np.ndarray
-    carried: np.ndarray
+    allocation: np.ndarray
+    rotor_inertia: np.ndarray
     prior: np.ndarray
 
     @classmethod
@@ -54,8 +54,8 @@ class Craft:
             max_spin=np.array([w.inertia * w.max_speed for w in wheels]),
             impulse_std=np.array([k * w.max_torque for k, w in zip(impulse, wheels, strict=True)]),
             axes=np.array([w.axes for w in wheels]),
-            mixer=np.array([np.linalg.pinv(w.axes) for w in wheels]),
-            carried=np.array([w.carried_inertia for w in wheels]),
+            allocation=np.array([np.linalg.pinv(w.axes) for w in wheels]),
+            rotor_inertia=np.array([w.carried_inertia for w in wheels]),
             prior=np.array([m.prior_inertia for m in missions]),
         )
 
@@ -72,7 +72,8 @@ class Belief:
         omega: (N, 3) measured body rate, rad/s.
         wheel_momentum: (N, n) j Omega of each wheel, N m s.
         inertia: (N, 3, 3) estimated, kg m^2.
-        inertia_std: (N, 3) standard deviation of the moments, relative to their prior.
+        inertia_std: (N, p) standard deviation of the moments, relative to their prior, and of the products, relative to
+            the geometric mean of the moments' priors.
         momentum: (N, 3) J omega + A j Omega, N m s.
         disturbance: (N, 3) estimated external torque, N m.
     """
@@ -95,7 +96,7 @@ class Belief:
             omega=omega,
             wheel_momentum=wheel_momentum,
             inertia=inertia,
-            inertia_std=10.0 ** (part["uncertainty"][:, :3] - 2.0),
+            inertia_std=10.0 ** (part["uncertainty"] - 2.0),
             momentum=times(inertia, omega) + times(craft.axes, wheel_momentum),
             disturbance=part["disturbance"] * craft.disturbance_std,
         )

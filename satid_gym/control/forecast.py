@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from satid_gym.control.deadbeat import allocate, reach, storable
 from satid_gym.core import momentum_filter
 from satid_gym.core.algebra import (
     add,
@@ -17,7 +18,6 @@ from satid_gym.core.algebra import (
     store,
     subtract,
 )
-from satid_gym.core.dynamics import sum_wheels
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.kalman import estimated_inertia
 from satid_gym.core.random import uniform
@@ -26,41 +26,28 @@ from satid_gym.core.reward import spread
 
 
 @inline
-def _mix(mixer, v, out):
-    """out (n,) = mixer (n, 3) v."""
-    for k in range(out.shape[0]):
-        out[k] = mixer[k, 0] * v[0] + mixer[k, 1] * v[1] + mixer[k, 2] * v[2]
-
-
-@inline
-def _turn(belief, work, mixer, inertia, end, step, speed, rate):
+def _turn(belief, work, allocation, inertia, end, step, speed, rate):
     """Covariance one step on, at the end of which the body turns at `end`; the reading there is left in `rate`."""
     momentum, omega, p = load(belief.mean), momentum_filter.rate(belief), belief.prior_theta.shape[0]
     after = axpy(step, add(cross(momentum, omega), load(belief.mean[3 + p :])), momentum)
-    _mix(mixer, subtract(after, multiply(inertia, end)), speed)
+    stored = subtract(after, multiply(inertia, end))
     for k in range(speed.shape[0]):
-        speed[k] /= belief.wheel_inertia[k]
+        speed[k] = allocate(allocation, stored, k) / belief.wheel_inertia[k]
     momentum_filter.predict(belief, work, speed, step)
     store(rate, momentum_filter.rate(belief))  # the reading that is expected: it moves the covariance alone
 
 
 @inline
-def _reach(belief, inertia, omega, wanted, build, period, wheel):
-    """Body rate a decision after `omega` when `RateLoop` is told `wanted`, rad/s."""
-    mixer, carried, max_torque, max_spin = build
+def _follow_command(belief, inertia, free, omega, wanted, build, period, wheel):
+    """Rate a decision after `omega` when `RateLoop` is told `wanted`, rad/s; free is J - A j A^T and its inverse."""
+    allocation, _, max_torque, max_spin = build
     momentum, tau = load(belief.mean), load(belief.mean[3 + belief.prior_theta.shape[0] :])
-    stored = subtract(momentum, multiply(inertia, wanted))
-    _mix(mixer, stored, wheel)
-    for k in range(wheel.shape[0]):
-        wheel[k] = min(max(wheel[k], -max_spin[k]), max_spin[k])
-    wanted = add(wanted, multiply(inverse(inertia), subtract(stored, sum_wheels(belief.axes, wheel))))
-    change = subtract(wanted, omega)
-    loose = axpy_symmetric(-1.0, load_symmetric(carried), inertia)
-    drift = add(cross(momentum, axpy(0.5, change, omega)), tau)
-    _mix(mixer, axpy(-1.0 / period, multiply(loose, change), drift), wheel)
-    for k in range(wheel.shape[0]):
-        wheel[k] = min(max(wheel[k], -max_torque[k]), max_torque[k])
-    return axpy(period, multiply(inverse(loose), subtract(drift, sum_wheels(belief.axes, wheel))), omega)
+    stored = subtract(momentum, multiply(inertia, omega))
+    for k in range(allocation.shape[0]):
+        wheel[0, k] = allocate(allocation, stored, k)
+    wanted = storable(wanted, momentum, inertia, (belief.axes, allocation, max_spin), wheel[0], wheel[1])
+    wheels = (belief.axes, allocation, max_torque)
+    return reach(omega, wanted, (momentum, tau), free, wheels, period, wheel[0], wheel[1])
 
 
 @inline
@@ -81,15 +68,18 @@ def _fly(trail, errors, omegas, work, cap, plan, first, ahead, build, step, step
     Row d of trail, omegas and errors is what decision d begins with: belief, rate, sum over steps of the error so far.
     """
     inertia = estimated_inertia(trail[first])
+    loose = axpy_symmetric(-1.0, load_symmetric(build[1]), inertia)
+    free = (loose, inverse(loose))
     gained = 0.0
     for d in range(first, ahead):
         trail[d + 1] = trail[d]
         belief, omega, total = trail[d + 1], load(omegas[d]), errors[d]
         x, y, z = load(plan[d])
-        end = _reach(belief, inertia, omega, (x * cap[0], y * cap[1], z * cap[2]), build, step * steps, wheel)
+        wanted = (x * cap[0], y * cap[1], z * cap[2])
+        end = _follow_command(belief, inertia, free, omega, wanted, build, step * steps, wheel)
         change = subtract(end, omega)
         for s in range(steps):
-            _turn(belief, work, build[0], inertia, axpy((s + 1.0) / steps, change, omega), step, wheel, rate)
+            _turn(belief, work, build[0], inertia, axpy((s + 1.0) / steps, change, omega), step, wheel[0], rate)
             if counting:
                 gained += spread(belief, work, LOGDET)
             momentum_filter.condition(belief, work, rate)
@@ -134,7 +124,7 @@ def _edit(plan, ahead, stream):
 
 
 def _build_follow(fingerprint):
-    def follow(first, beliefs, work, before, after, speed, mixer, step, steps, mean, spin):
+    def follow(first, beliefs, work, before, after, speed, allocation, step, steps, mean, spin):
         """Bring the covariances to the present observation: (N, 3) rates before and after, (N, n) wheel speeds."""
         fingerprint  # noqa: B018
         wheel, rate = np.empty(speed.shape[1]), np.empty(3)
@@ -146,7 +136,7 @@ def _build_follow(fingerprint):
                 inertia, change = estimated_inertia(belief), subtract(load(after[i]), load(before[i]))
                 for s in range(steps):
                     end = axpy((s + 1.0) / steps, change, load(before[i]))
-                    _turn(belief, work[0], mixer, inertia, end, step, wheel, rate)
+                    _turn(belief, work[0], allocation, inertia, end, step, wheel, rate)
                     momentum_filter.condition(belief, work[0], rate)
             belief.mean[:] = mean[i]
             belief.wheel_input[:3] = spin[i]
@@ -159,7 +149,7 @@ def _build_forecast_many(fingerprint):
         """See `Planner.forecast`; start and caps (N, 3), commands (N or 1, C, H, 3), gained and error (N, C)."""
         fingerprint  # noqa: B018
         ahead = commands.shape[2]
-        wheel, rate = np.empty(build[0].shape[0]), np.empty(3)
+        wheel, rate = np.empty((2, build[0].shape[0])), np.empty(3)
         omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
         for i in range(beliefs.shape[0]):
             row = min(i, commands.shape[0] - 1)
@@ -178,7 +168,7 @@ def _build_improve_many(fingerprint):
     def improve_many(beliefs, trail, other, work, start, caps, plans, streams, edits, ahead, build, step, steps):
         """See `Planner.improve`; start and caps (N, 3), plans (N, H, 3), streams (N, 4)."""
         fingerprint  # noqa: B018
-        wheel, rate, trial = np.empty(build[0].shape[0]), np.empty(3), np.empty(plans.shape[1:])
+        wheel, rate, trial = np.empty((2, build[0].shape[0])), np.empty(3), np.empty(plans.shape[1:])
         omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
         others, sums = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
         for i in range(beliefs.shape[0]):

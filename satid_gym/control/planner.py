@@ -26,6 +26,7 @@ from satid_gym.estimators.settings import (
 from satid_gym.policy import Mission
 from satid_gym.scenario import Scenario
 
+PLANNING_MARGIN = 2.75  # of the rate loop, standard deviations, where no tuning has found a better one
 ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an AdaptiveEKF; of .0003 to .004 on tuning seeds
 
 
@@ -79,9 +80,9 @@ class Planner:
         theta = self.layout["inertia"].stop - self.layout["inertia"].start
         mean = np.concatenate([belief.momentum, _parameters(belief.inertia, theta), belief.disturbance], axis=1)
         spin = (self.craft.axes @ belief.wheel_momentum[..., None])[..., 0]
-        first, mixer = self._before is None, self.craft.mixer[0]
+        first, allocation = self._before is None, self.craft.allocation[0]
         times = (self._step, self._steps)
-        follow(first, self.beliefs, self._work, before.omega, belief.omega, speed, mixer, *times, mean, spin)
+        follow(first, self.beliefs, self._work, before.omega, belief.omega, speed, allocation, *times, mean, spin)
         self._before = belief
         return belief
 
@@ -142,7 +143,7 @@ class Planner:
         """What a forecast flies, and its steps."""
         craft = self.craft
         limit = np.maximum(craft.max_spin - self._margin * craft.impulse_std, 0.0)[0]
-        return (craft.mixer[0], craft.carried[0], craft.max_torque[0], limit), self._step, self._steps
+        return (craft.allocation[0], craft.rotor_inertia[0], craft.max_torque[0], limit), self._step, self._steps
 
 
 def planning_walk(scenario: Scenario, adaptive: float = ADAPTIVE_WALK) -> float:

@@ -1,12 +1,8 @@
 """Rate loop: wheel torque that brings the body rates to a command within the envelope, in one decision.
 
-The law is deadbeat: the torque that brings the rate to its reference at the end of the decision,
-
-    -A u = (J - A j A^T) (omega_ref - omega) / T + omega_mid x M - tau,    omega_mid = (omega + omega_ref) / 2
-
-from dM/dt = -omega x M + tau and h = j (Omega + A^T omega). No law does better against motor noise that is
-white from decision to decision: what is left is the noise of one decision. The reference keeps `margin`
-standard deviations of that noise away from the rate limit, and the wheels' momentum as far from theirs.
+The law is deadbeat (`satid_gym.control.deadbeat`). No law does better against motor noise that is white from decision
+to decision: what is left is the noise of one decision. The reference keeps `margin` standard deviations of that noise
+away from the rate limit, and the wheels' momentum as far from theirs.
 """
 
 from __future__ import annotations
@@ -16,19 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
+from satid_gym.control.deadbeat import reach, storable
 from satid_gym.control.decoded_observation import Belief, Craft
-from satid_gym.core.algebra import (
-    add,
-    axpy,
-    axpy_symmetric,
-    cross,
-    inverse,
-    load,
-    load_symmetric,
-    multiply,
-    subtract,
-)
-from satid_gym.core.dynamics import sum_wheels
+from satid_gym.core.algebra import axpy_symmetric, inverse, load, load_symmetric, multiply, subtract
 from satid_gym.core.jit import inline, kernel
 from satid_gym.policy import Mission
 
@@ -62,7 +48,7 @@ class RateLoop:
         belief = Belief.read(observation, self._layout, craft)
         state = (belief.omega, belief.momentum, belief.inertia, belief.inertia_std, belief.disturbance)
         limits = (craft.rate_limit, craft.gyro_noise_std, craft.max_torque, craft.max_spin, craft.impulse_std)
-        build = (craft.axes, craft.mixer, craft.carried)
+        build = (craft.axes, craft.allocation, craft.rotor_inertia)
         action = np.empty(belief.wheel_momentum.shape)
         # the kernel does not look whether a row is there
         command = np.ascontiguousarray(np.broadcast_to(command, belief.omega.shape), dtype=float)
@@ -71,76 +57,57 @@ class RateLoop:
 
 
 @inline
-def mix(mixer, v, k):
-    """Component k of mixer (n, 3) v."""
-    return mixer[k, 0] * v[0] + mixer[k, 1] * v[1] + mixer[k, 2] * v[2]
-
-
-@inline
-def _reference(command, omega, flexibility, inertia_std, rate_limit, gyro_noise_std, impulse_std, axes, margin):
+def _reference(command, omega, inertia, inertia_std, limits, axes, margin):
     """rad/s: the command within the limit less the margin for noise and for what J may be."""
+    rate_limit, gyro_noise_std, impulse_std = limits
+    J_inv = inverse(inertia)
     v0 = v1 = v2 = gyro_noise_std**2
     for k in range(axes.shape[1]):
-        x, y, z = multiply(flexibility, (axes[0, k], axes[1, k], axes[2, k]))
+        x, y, z = multiply(J_inv, (axes[0, k], axes[1, k], axes[2, k]))
         v0, v1, v2 = v0 + (x * impulse_std[k]) ** 2, v1 + (y * impulse_std[k]) ** 2, v2 + (z * impulse_std[k]) ** 2
-    variance = (v0, v1, v2)
+    x, y, z = command
+    slew = subtract((x * rate_limit, y * rate_limit, z * rate_limit), omega)
+    a, b, c = slew[0] ** 2, slew[1] ** 2, slew[2] ** 2
+    v0, v1, v2 = v0 + inertia_std[0] ** 2 * a, v1 + inertia_std[1] ** 2 * b, v2 + inertia_std[2] ** 2 * c
+    if inertia_std.shape[0] > 3:  # products: a slew about one axis turns the others too
+        xx, yy, zz = inertia[0], inertia[1], inertia[2]
+        xy, xz, yz = inertia_std[3] ** 2, inertia_std[4] ** 2, inertia_std[5] ** 2
+        v0 += xy * b * yy / xx + xz * c * zz / xx
+        v1 += xy * a * xx / yy + yz * c * zz / yy
+        v2 += xz * a * xx / zz + yz * b * yy / zz
     return (
-        _within(command[0], omega[0], inertia_std[0], variance[0], rate_limit, margin),
-        _within(command[1], omega[1], inertia_std[1], variance[1], rate_limit, margin),
-        _within(command[2], omega[2], inertia_std[2], variance[2], rate_limit, margin),
+        x * max(rate_limit - margin * np.sqrt(v0), 0.0),
+        y * max(rate_limit - margin * np.sqrt(v1), 0.0),
+        z * max(rate_limit - margin * np.sqrt(v2), 0.0),
     )
-
-
-@inline
-def _within(command, omega, inertia_std, variance, rate_limit, margin):
-    command = min(max(command, -1.0), 1.0)
-    slew = inertia_std * (command * rate_limit - omega)
-    return command * max(rate_limit - margin * np.sqrt(variance + slew * slew), 0.0)
-
-
-@inline
-def _attainable(reference, momentum, inertia, flexibility, wheel_momentum, max_spin, impulse_std, build, margin, wheel):
-    """The reference as far as the wheels can store the momentum that it leaves to them."""
-    axes, mixer = build
-    stored = subtract(momentum, multiply(inertia, reference))
-    change = subtract(stored, sum_wheels(axes, wheel_momentum))
-    for k in range(wheel.shape[0]):
-        limit = max(max_spin[k] - margin * impulse_std[k], 0.0)
-        wheel[k] = min(max(wheel_momentum[k] + mix(mixer, change, k), -limit), limit)
-    return add(reference, multiply(flexibility, subtract(stored, sum_wheels(axes, wheel))))
 
 
 def _build_drive_many(fingerprint):
     def drive_many(
         omegas, momenta, inertias, inertia_stds, disturbances, wheel_momenta, commands,
-        rate_limit, gyro_noise_std, max_torque, max_spin, impulse_std, axes, mixer, carried, margin, period, actions,
+        rate_limit, gyro_noise_std, max_torque, max_spin, impulse_std, axes, allocation, rotors, margin, period,
+        actions,
     ):  # fmt: skip
         """See `RateLoop`; beliefs and commands (N, ...), constants of the satellites (N, ...) or (1, ...)."""
         fingerprint  # noqa: B018
-        wheel = np.empty(actions.shape[1])
+        n = actions.shape[1]
+        wheel, scratch, room = np.empty(n), np.empty(n), np.empty(n)
         for i in range(actions.shape[0]):
             r = min(i, rate_limit.shape[0] - 1)
             omega, momentum, inertia = load(omegas[i]), load(momenta[i]), load_symmetric(inertias[i])
-            flexibility = inverse(inertia)
-            wanted = _reference(
-                commands[i], omega, flexibility, inertia_stds[i], rate_limit[r, 0], gyro_noise_std[r, 0],
-                impulse_std[r], axes[r], margin,
-            )  # fmt: skip
-            wanted = _attainable(
-                wanted, momentum, inertia, flexibility, wheel_momenta[i], max_spin[r], impulse_std[r],
-                (axes[r], mixer[r]), margin, wheel,
-            )  # fmt: skip
-            loose = axpy_symmetric(-1.0, load_symmetric(carried[r]), inertia)
-            needed = multiply(loose, subtract(wanted, omega))
-            middle = omega
-            for _ in range(2):  # the second time with the rate that the limited torque will reach
-                drift = add(load(disturbances[i]), cross(momentum, middle))
-                torque = axpy(1.0 / period, needed, (-drift[0], -drift[1], -drift[2]))
-                for k in range(wheel.shape[0]):
-                    wheel[k] = min(max(-mix(mixer[r], torque, k), -max_torque[r, k]), max_torque[r, k])
-                gained = multiply(inverse(loose), subtract(drift, sum_wheels(axes[r], wheel)))
-                middle = axpy(0.5 * period, gained, omega)
-            for k in range(wheel.shape[0]):
+            x, y, z = load(commands[i])
+            command = min(max(x, -1.0), 1.0), min(max(y, -1.0), 1.0), min(max(z, -1.0), 1.0)
+            limits = (rate_limit[r, 0], gyro_noise_std[r, 0], impulse_std[r])
+            wanted = _reference(command, omega, inertia, inertia_stds[i], limits, axes[r], margin)
+            for k in range(n):
+                wheel[k] = wheel_momenta[i, k]
+                room[k] = max(max_spin[r, k] - margin * impulse_std[r, k], 0.0)
+            wanted = storable(wanted, momentum, inertia, (axes[r], allocation[r], room), wheel, scratch)
+            free = axpy_symmetric(-1.0, load_symmetric(rotors[r]), inertia)
+            state = (momentum, load(disturbances[i]))
+            wheels = (axes[r], allocation[r], max_torque[r])
+            reach(omega, wanted, state, (free, inverse(free)), wheels, period, wheel, scratch)
+            for k in range(n):
                 actions[i, k] = wheel[k] / max_torque[r, k]
 
     return drive_many

@@ -54,6 +54,12 @@ def axpy(k, a, b):
 
 
 @inline
+def scale(a, b):
+    """Component by component a times b."""
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+@inline
 def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 

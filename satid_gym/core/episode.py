@@ -17,7 +17,7 @@ from satid_gym.core.kalman import estimated_inertia
 from satid_gym.core.observation import observe, rate_to_go_by
 from satid_gym.core.random import uniform
 from satid_gym.core.records import MOMENTUM
-from satid_gym.core.reward import reward, spread
+from satid_gym.core.reward import reward, saturated_share, spread
 from satid_gym.core.sensors import drive_motors, read_sensors, walk_gyro_bias
 
 NEXT_STEP, SAME_STEP, DISABLED, BEGIN = range(4)
@@ -36,7 +36,7 @@ def command(plant, task, work, report, action):
         report.spin_start[k] = spin_momentum(plant, k)
     report.effort = effort
     report.information_gain = 0.0
-    report.cost = 0.0
+    report.outside = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):
@@ -62,7 +62,7 @@ def sample(plant, task, work, report):
     for i in range(3):
         outside = outside or abs(plant.rate[i]) > task.rate_limit
     if outside:
-        report.cost += 1.0
+        report.outside += 1.0
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])
     if plant.faulty != 0:
@@ -157,7 +157,8 @@ def conclude(plant, belief, task, work, report, observation):
     for k in range(plant.locked.shape[0]):
         mean, limit = (spin_momentum(plant, k) - report.spin_start[k]) / duration, plant.torque_max[k]
         report.torque_applied[k] = min(max(mean, -limit), limit)  # what exceeds it is rounding
-    report.cost /= task.samples
+    report.outside /= task.samples
+    report.cost = max(report.outside, saturated_share(report))
     report.information_held = -spread(belief, work, task.criterion)
     report.reward = reward(task, report)
     fastest = max(abs(plant.rate[0]), abs(plant.rate[1]), abs(plant.rate[2]))
@@ -202,7 +203,8 @@ def begin(draw, plant, belief, task, work, report, observation):
         report.faults[f] = 0
     report.reward = 0.0
     report.terminated = report.truncated = 0
-    report.nis = report.information_gain = report.information_held = report.cost = report.effort = 0.0
+    report.nis = report.information_gain = report.information_held = report.effort = 0.0
+    report.outside = report.cost = 0.0
     assess(plant, belief, work, report)
     observe(belief, task, plant.gyro, plant.tachometer, observation)
     return True

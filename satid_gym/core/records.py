@@ -192,6 +192,7 @@ def task_dtype(n: int) -> np.dtype:
             ("held_reference", _F),
             ("envelope_margin", _F),
             ("envelope_weight", _F),
+            ("saturation_weight", _F),
             ("effort_weight", _F),
             ("command", _F, n),  # previous action
             ("over", _I),  # 1 when the episode has ended and has not been reset
@@ -216,6 +217,7 @@ def report_dtype(n: int) -> np.dtype:
             ("nis", _F),
             ("information_gain", _F),
             ("information_held", _F),
+            ("outside", _F),
             ("cost", _F),
             ("effort", _F),
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision

@@ -52,11 +52,21 @@ def envelope_excess(task, report):
 
 
 @inline
+def saturated_share(report):
+    """Share of the wheels that were at their speed limit in the decision, as their drives report it."""
+    count = 0.0
+    for k in range(report.saturated.shape[0]):
+        count += report.saturated[k]
+    return count / report.saturated.shape[0]
+
+
+@inline
 def reward(task, report):
-    """gain_scale gained + held_scale (held - held_reference) - envelope_weight excess - effort_weight effort."""
+    """Reward of a decision: the sum that `satid_gym.reward.RewardSettings` gives."""
     return (
         task.gain_scale * report.information_gain
         + task.held_scale * (report.information_held - task.held_reference)
         - task.envelope_weight * envelope_excess(task, report)
+        - task.saturation_weight * saturated_share(report)
         - task.effort_weight * report.effort
     )

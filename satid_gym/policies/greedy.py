@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.planner import Planner
+from satid_gym.control.planner import PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.policy import Kind, Mission
 
@@ -35,7 +35,7 @@ class GreedyPolicy:
 
     kind: Kind = "closed_loop"
 
-    def __init__(self, name: str, horizon: int, steps: int = 2, margin: float = 2.75) -> None:
+    def __init__(self, name: str, horizon: int, steps: int = 2, margin: float = PLANNING_MARGIN) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps)):
             raise ValueError(f"horizon and steps must be whole numbers of at least 1, got {horizon!r} and {steps!r}")
         self.name, self.horizon, self.steps = name, horizon, steps

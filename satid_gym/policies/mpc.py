@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.planner import ADAPTIVE_WALK, Planner
+from satid_gym.control.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.interface import seed_stream
 from satid_gym.policy import Kind, Mission
@@ -44,7 +44,7 @@ class MPCPolicy:
         horizon: int = 40,
         steps: int = 2,
         edits: int = 24,
-        margin: float = 2.75,
+        margin: float = PLANNING_MARGIN,
         walk: float = ADAPTIVE_WALK,
     ) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps, edits)):

@@ -42,7 +42,7 @@ BASELINES: dict[str, Callable[..., Policy]] = {
     "random": RandomPolicy,
     "zero": ZeroPolicy,
 }
-UNTUNED = ("open_loop_optimal", "greedy", "greedy_horizon", "mpc", "random", "zero")  # no sweep sets them
+UNTUNED = ("open_loop_optimal", "random", "zero")  # no sweep sets them
 
 
 def build(name: str, settings: dict[str, float]) -> Policy:

@@ -37,7 +37,7 @@ class History:
             "estimate": np.zeros((size, 3)),
             "std": np.zeros((size, 3)),
             "relative_error": np.zeros(size),
-            "cost": np.zeros(size),
+            "outside": np.zeros(size),
         }
 
     def note(self, plant: np.void, belief: np.void, report: np.void) -> None:
@@ -49,7 +49,7 @@ class History:
         self._series["estimate"][i] = belief["mean"][3:6]
         self._series["std"][i] = np.sqrt(np.diag(belief["covariance"])[3:6])
         self._series["relative_error"][i] = report["relative_error"]
-        self._series["cost"][i] = report["cost"]
+        self._series["outside"][i] = report["outside"]
         self.count += 1
 
     def _noted(self, name: str) -> np.ndarray:
@@ -103,4 +103,4 @@ class History:
     @property
     def outside(self) -> float:
         """Share of the time so far with a rate outside its limit."""
-        return float(self._noted("cost")[1:].mean()) if self.count > 1 else 0.0
+        return float(self._noted("outside")[1:].mean()) if self.count > 1 else 0.0
