@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import shlex
 from collections.abc import Mapping, Sequence
@@ -18,7 +19,8 @@ from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.open_loop_optimal import DESIGNS, NotPreparedError, OpenLoopOptimalPolicy
 from satid_gym.policies.registry import TUNED
 from satid_gym.policies.shipped import find, names
-from satid_gym.policy import Policy
+from satid_gym.policy import Policy, includes_covariance, missions
+from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 
@@ -31,7 +33,7 @@ class Cast:
         satellites, modes, scenario: of the cells.
         teams: policies of each satellite, by its name.
         not_tuned: lines that say which baselines have no settings for a satellite and are left out, or fly with their
-            default ones, and which command finds them.
+            default ones, and which command finds them; and which learned policies do not fit it.
         given: learned policies that were named by a path, as results tell of them.
     """
 
@@ -170,6 +172,17 @@ def learned(text: str) -> LearnedPolicy:
             f"another one, NAME={_path(text)}"
         )
     return policy
+
+
+def misfit(policy: Policy, satellite: Satellite, modes: Sequence[str | InertiaLaw], scenario: Scenario) -> str:
+    """Why a policy cannot fly a satellite, such as other numbers of wheels or parameters; "" where it can."""
+    for mode in modes:
+        posed = problem(satellite, mode, scenario, include_covariance=includes_covariance(policy))
+        try:
+            copy.copy(policy).reset(missions(posed)[0], [0])
+        except ValueError as error:
+            return f"satellite {satellite.name!r}: {error}"
+    return ""
 
 
 def _is_shipped(policy: LearnedPolicy) -> bool:

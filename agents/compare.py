@@ -24,7 +24,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.cast import Cast, Prepared, learned_by
+from agents.cast import Cast, Prepared, learned_by, misfit
 from agents.cell import Cell
 from agents.report import write_report
 from agents.report.curves import error_bands, rounded
@@ -100,7 +100,14 @@ class Comparison:
                     raise NotPreparedError(line)
                 if line:
                     not_tuned.append(line)
-            team += learned
+            for policy in learned:
+                line = misfit(policy, satellite, modes, scenario)
+                if not line:
+                    team.append(policy)
+                elif self.policies:
+                    raise ValueError(line)
+                else:
+                    not_tuned.append(line)
         return Cast(
             satellites=satellites, modes=modes, scenario=scenario, teams=teams, not_tuned=not_tuned, given=given
         )
@@ -177,8 +184,8 @@ def compare(comparison: Comparison, cast: Cast) -> dict[str, Any]:
     shown = episode_cell([satellite.name for satellite in cast.satellites], [label(mode) for mode in cast.modes])
     satellite, mode = next((s, m) for s, m in places if (s.name, label(m)) == shown)
     stars = protagonists([r for r in records if (r["satellite"], r["inertia_mode"]) == shown])
-    pilots = [policy for name in stars for policy in teams[satellite.name] if policy.name == name]
-    episode = fly_episode(pilots, satellite=satellite, mode=mode, seed=chosen[0], scenario=world)
+    team = teams[satellite.name]
+    episode = fly_episode(team, satellite=satellite, mode=mode, seed=chosen[0], scenario=world, shown=stars)
     instants = world.decision_period * np.arange(1, world.decisions + 1)
     return {
         "command": command("agents.compare"),

@@ -1,35 +1,32 @@
-"""Write the tables of docs/ from the code: `python -m agents.pages`.
+"""Write the tables of docs/ from the code and from committed results: `python -m agents.pages`.
 
-Names and values come from the objects, meanings from the `Attributes` of their docstrings.
+Names and values come from the objects, meanings from the `Attributes` of their docstrings, scores from
+docs/results/compare.json.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import docstring_parser
 import numpy as np
 
-from agents.readme import ROOT, between
+from agents.markdown import table
+from agents.readme import REMEDY, RESULTS, ROOT, between
+from agents.results_tables import cell_error_tables, cell_reward_tables, correlation_sentence, standing_tables
 from baselines import BASELINES, build, tuned_entry
 from satid_gym.config import Config
 from satid_gym.estimators.settings import AdaptiveEKFSettings, MomentumEKFSettings, RateEKFSettings
 from satid_gym.faults import Faults
-from satid_gym.files import write_text
+from satid_gym.files import read_json, write_text
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.policies.registry import UNTUNED
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 
 SOURCE = "agents.pages"
-
-
-def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def meanings(cls: type) -> dict[str, str]:
@@ -69,7 +66,7 @@ def satellites() -> str:
         ("disturbance, standard deviation about each axis, N m", lambda s: s.disturbance_std),
     ]
     rows = [[name, *(_numbers(of(s)) for s in SATELLITES.values())] for name, of in quantities]
-    return markdown(["", *SATELLITES], rows)
+    return table(["", *SATELLITES], rows)
 
 
 def _numbers(value: Any) -> str:
@@ -88,7 +85,7 @@ def scenarios() -> str:
             shown(v) if s is default or v != values[0] else "" for v, s in zip(values, SCENARIOS.values(), strict=True)
         ]
         rows.append([f"`{field.name}`", *cells, said[field.name]])
-    return markdown(["setting", *SCENARIOS, "meaning"], rows)
+    return table(["setting", *SCENARIOS, "meaning"], rows)
 
 
 def laws() -> str:
@@ -98,21 +95,21 @@ def laws() -> str:
         [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
         for name in _names(LawRanges)
     ]
-    return markdown(["range", "default, tight, faults", "paper, benchmark", "meaning"], rows)
+    return table(["range", "default, tight, faults", "paper, benchmark", "meaning"], rows)
 
 
 def faults() -> str:
     """Settings of faults: none, and those of the scenario that has them."""
     said, none, given = meanings(Faults), Faults(), SCENARIOS["faults"].faults
     rows = [[f"`{n}`", shown(getattr(none, n)), shown(getattr(given, n)), said[n]] for n in _names(Faults)]
-    return markdown(["setting", "default", "scenario faults", "meaning"], rows)
+    return table(["setting", "default", "scenario faults", "meaning"], rows)
 
 
 def settings(cls: type[Config]) -> str:
     """Fields of a settings class with their defaults."""
     said, default = meanings(cls), cls()
     rows = [[f"`{name}`", _default(getattr(default, name)), said[name]] for name in _names(cls)]
-    return markdown(["setting", "default", "meaning"], rows)
+    return table(["setting", "default", "meaning"], rows)
 
 
 def _default(value: Any) -> str:
@@ -131,7 +128,13 @@ def baselines() -> str:
         kind = build(name, next(iter(tuned.values()), {})).kind.replace("_", " ")
         cells = [", ".join(f"{k} {v:g}" for k, v in tuned.get(s, {}).items()) for s in SATELLITES]
         rows.append([f"`{name}`", kind, *cells])
-    return markdown(["name", "kind", *SATELLITES], rows)
+    return table(["name", "kind", *SATELLITES], rows)
+
+
+def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
+    """What is written of the committed comparison."""
+    keys = ("records", "pairs", "revision", "command")
+    return lambda: write(read_json(RESULTS / "compare.json", REMEDY, keys=keys))
 
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
@@ -142,13 +145,19 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "rate": lambda: settings(RateEKFSettings),
     },
     "baselines.md": {"baselines": baselines},
+    "benchmark.md": {
+        "standing": compared(standing_tables),
+        "errors": compared(cell_error_tables),
+        "rewards": compared(cell_reward_tables),
+    },
+    "environment.md": {"reward ranks": compared(correlation_sentence)},
 }
 
 
 def written(page: str, text: str) -> str:
     """A page with its tables made anew."""
-    for name, table in PAGES[page].items():
-        text = between(text, name, table(), SOURCE)
+    for name, content in PAGES[page].items():
+        text = between(text, name, content(), SOURCE)
     return text
 
 

@@ -1,50 +1,25 @@
 """Write the README's figures from committed results: `python -m agents.readme`.
 
-The results are docs/results/compare.json and benchmark.json, as `python -m agents.compare --output docs/results`
-and `python -m satid_gym.benchmark --output docs/results/benchmark.json` wrote them.
+The results are docs/results/compare.json, timing.json and benchmark.json, as `python -m agents.compare --output
+docs/results`, `python -m baselines.timing --output docs/results/timing.json` and `python -m satid_gym.benchmark
+--output docs/results/benchmark.json` wrote them.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from agents.results import read_results
+from agents.results_tables import claims, error_table, reward_table
 from baselines.ending import ended
 from satid_gym.files import read_json, write_text
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "docs" / "results"
 REMEDY = "restore it from the repository, or make it anew as this module's description says"
-_ORDER = {"learned": 0, "closed_loop": 1, "scripted": 2, "reference": 3}
-
-
-def results_table(results: Mapping[str, Any]) -> str:
-    """Markdown table: final error by policy and inertia mode, mean over satellites, and share of time outside.
-
-    Policies of a kind stand in the order of their geometric mean over the modes.
-    """
-    records: Sequence[Mapping[str, Any]] = results["records"]
-    modes = list(dict.fromkeys(r["inertia_mode"] for r in records))
-    policies = dict.fromkeys((r["policy"], r["kind"]) for r in records if r["kind"] in _ORDER)
-
-    def mean(policy: str, name: str, mode: str | None = None) -> float:
-        return float(np.mean([r[name] for r in records if r["policy"] == policy and mode in (None, r["inertia_mode"])]))
-
-    def rank(item: tuple[str, str]) -> tuple[int, float]:
-        return _ORDER[item[1]], float(np.mean([np.log(mean(item[0], "final_error_mean", mode)) for mode in modes]))
-
-    lines = [f"| policy | kind | {' | '.join(modes)} | outside |", "|---|---|" + "---|" * (len(modes) + 1)]
-    for policy, kind in sorted(policies, key=rank):
-        errors = [f"{100 * mean(policy, 'final_error_mean', mode):#.3g}" for mode in modes]
-        name = f"**{policy}**" if kind == "learned" else policy
-        outside = f"{100 * mean(policy, 'outside_fraction'):.1f} %"
-        lines.append(f"| {name} | {kind.replace('_', ' ')} | {' | '.join(errors)} | {outside} |")
-    source = f"Revision {results['revision']}, {results['command'].split(' --output')[0]}."
-    return "\n".join([*lines, "", source])
 
 
 def benchmark_table(figures: Mapping[str, Any]) -> str:
@@ -78,8 +53,11 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
 
 def written(text: str) -> str:
     """The README with its tables made anew from the committed results."""
-    results = read_json(RESULTS / "compare.json", REMEDY, keys=("records", "revision", "command"))
-    text = between(text, "results", results_table(results))
+    results = read_results(RESULTS / "compare.json", REMEDY, keys=("records", "pairs", "revision", "command"))
+    timing = read_json(RESULTS / "timing.json", REMEDY, keys=("decision_ms", "episodes"))
+    text = between(text, "claims", claims(results, timing))
+    text = between(text, "results", error_table(results))
+    text = between(text, "rewards", reward_table(results))
     return between(text, "benchmark", benchmark_table(read_json(RESULTS / "benchmark.json", REMEDY)))
 
 

@@ -39,7 +39,8 @@ class Task:
     """Satellite to train on: a name, a .json or .toml file, or module:name (runs the module's code); "random" draws
     from all three."""
     wheel_scales: tuple[float, ...] = (1.0,)
-    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight")."""
+    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
+    has that factor already and takes 1 alone)."""
     inertia: str = "random"
     """How the inertia varies: a mode or "random", of randomised laws, or one exact law as a .json, .toml or .csv
     file, or module:name (runs the module's code)."""
@@ -60,7 +61,14 @@ class Task:
             text = getattr(self, kind)
             if is_source(text):  # kept in full: a run goes on as it began, whatever becomes of the file
                 object.__setattr__(self, kind, json.dumps(resolve(text).to_dict(), sort_keys=True))
-        problem(self.pool(), self.inertia, self.scenario)  # refuses what is no world
+        world = problem(self.pool(), self.inertia, self.scenario).scenario  # refuses what is no world
+        if world.wheel_speed_scale != 1.0 and set(self.wheel_scales) != {1.0}:
+            scales = ", ".join(f"{scale * world.wheel_speed_scale:g}" for scale in self.wheel_scales)
+            raise ValueError(
+                f"scenario {world.name!r} multiplies the wheels' speed limit by {world.wheel_speed_scale:g} "
+                f"already: with wheel_scales {self.wheel_scales} it would be {scales} of nominal; "
+                "add --wheel-scales 1, or train in scenario 'default'"
+            )
 
     @property
     def satellites(self) -> tuple[Satellite, ...]:
@@ -186,7 +194,8 @@ class ImitationSettings(Task):
     hidden: tuple[int, ...] = (128, 128)
     """Layers of the network."""
     wheel_scales: tuple[float, ...] = (1.0, 0.1)
-    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight")."""
+    """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
+    has that factor already and takes 1 alone)."""
     margin: float = 2.75
     """Of the rate loop, in standard deviations of one decision's noise."""
     rounds: int = 6

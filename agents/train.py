@@ -134,6 +134,7 @@ class Run:
         self.env = RateCommandVecEnv(
             settings.num_envs,
             margin=margin,
+            stagger=True,
             satellite=settings.pool(),
             inertia=settings.inertia,
             scenario=settings.scenario,

@@ -1,12 +1,13 @@
 """Hold the learned policies against what is asked of them: `python -m agents.verdict`.
 
 Reads what `python -m agents.compare` wrote (and, where it is there, `--scenario tight`) and flies one satellite that
-no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short. With `--scenario NAME`
-the same of the results in that scenario.
+no policy has seen. Prints figures for every claim; the exit code is 1 where one falls short, and 2 where the results
+lack a policy or a cell that a claim is about. With `--scenario NAME` the same of the results in that scenario.
 """
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,23 +18,25 @@ import numpy as np
 import tyro
 
 from agents.report.page import file_names
+from agents.results import read_results
 from agents.tables import inside
 from baselines.ending import ended, refusal
 from baselines.tune import tune
 from satid_gym import ReactionWheels, Satellite
 from satid_gym.config import check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
-from satid_gym.files import read_json
+from satid_gym.files import DamagedFileError
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.registry import build
-from satid_gym.policies.shipped import find
+from satid_gym.policies.shipped import find, names
 from satid_gym.profiles import PROFILES
+from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS
 
 Record = Mapping[str, Any]
 Claim = tuple[str, str, bool]  # what is asked, what was found, whether it holds
-
+CLOSED_LOOPS = ("rate_square", "greedy", "greedy_horizon", "mpc")  # baselines that observe: the rivals
 UNSEEN = Satellite(
     "unseen",
     np.array([2.1, 2.6, 1.7]),
@@ -102,7 +105,7 @@ def benchmark_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
         mean.append(own["mean_error_mean"] / min(r["mean_error_mean"] for r in eight))
         first.append(own["time_to_1pct_s"] or np.inf)
     outside, early = max(r["outside_fraction"] for r in mine), max(r["terminated_fraction"] for r in mine)
-    nees = [r["nees"] for r in mine]
+    nees = [np.inf if r["nees"] is None else r["nees"] for r in mine]  # None: no episode flew long enough
     return [
         ("final error over the best of the eight, at most 1/3", *_largest(over_best_profile(records, policy), 1 / 3)),
         ("... with intervals apart, in all cells", f"{sum(apart)} of {len(apart)}", all(apart)),
@@ -163,6 +166,46 @@ def unseen_claims(policy: str, episodes: int, scenario: str) -> list[Claim]:
     ]
 
 
+def missing(results: Mapping[str, Any], needed: Sequence[str], judged: Sequence[str]) -> str | None:
+    """What a verdict on policies takes and the results do not have, in words; None where they have all of it.
+
+    Args:
+        results: as compare.json has them.
+        needed: policies that must have flown in every cell of the benchmark.
+        judged: those of them that are judged: against each closed loop among `needed` in pairs, and, where there are
+            efficiencies, with theirs.
+    """
+    places = [(satellite, mode) for satellite in SATELLITES for mode in INERTIA_MODES]
+    lacks = []
+    flown = {(r["satellite"], r["inertia_mode"]) for r in results["records"]}
+    if cells_left := ["/".join(place) for place in places if place not in flown]:
+        lacks.append(f"cells {', '.join(cells_left)}")
+    by_place = {(r["policy"], r["satellite"], r["inertia_mode"]) for r in results["records"]}
+    if absent := [name for name in needed if any((name, *place) not in by_place for place in places if place in flown)]:
+        lacks.append(f"policies {', '.join(absent)}")
+    matches = {(p["policy"], p["other"], p["satellite"], p["inertia_mode"]) for p in results["pairs"]}
+    rivals = [name for name in needed if name in CLOSED_LOOPS]
+    if not lacks and any((own, other, *p) not in matches for own in judged for other in rivals for p in places):
+        lacks.append("pairs of a judged policy with a closed loop")
+    reached = {(e["policy"], e["satellite"], e["inertia_mode"]) for e in results["efficiencies"]}
+    if not lacks and reached and any((own, *p) not in reached for own in judged for p in places):
+        lacks.append("efficiencies of a judged policy")
+    return "; ".join(lacks) or None
+
+
+def _complete(file: Path, scenario: str, needed: Sequence[str], judged: Sequence[str]) -> dict[str, Any]:
+    """The results of a file, which must have all that a verdict takes.
+
+    Raises:
+        DamagedFileError: they have not; the message says what is missing and which command makes it.
+    """
+    results = read_results(file, REMEDY, keys=_KEYS)
+    if lacks := missing(results, needed, judged):
+        made = shlex.join(["python", "-m", "agents.compare", "--scenario", scenario, "--output", str(file.parent)])
+        raise DamagedFileError(f"{file} is of a smaller comparison than a verdict takes, without {lacks}: run {made}")
+    return results
+
+
 TEACHER = MPCPolicy.name  # of the policies that agents.imitate makes
 _KEYS = ("records", "pairs", "efficiencies")
 REMEDY = "run python -m agents.compare (with --scenario NAME for that of another scenario)"
@@ -173,7 +216,7 @@ class Options:
     """What to judge."""
 
     policies: tuple[str, ...] = ("generalist",)
-    """Learned policies to judge, which the results must have."""
+    """Shipped policies to judge, which the results must have."""
     results: Path = Path("results")
     """Folder with compare.json and compare_tight.json, or with the file of the scenario."""
     scenario: str = "default"
@@ -187,19 +230,18 @@ def main() -> int:
     options = tyro.cli(Options, description=__doc__)
     with refusal():
         check_names("scenario", (options.scenario,), SCENARIOS)
-    file = options.results / file_names(options.scenario)["results"]
-    results = read_json(file, REMEDY, keys=_KEYS)
-    records = results["records"]
-    tight = options.results / file_names("tight")["results"]
-    held = True
-    learned = list(dict.fromkeys(r["policy"] for r in records if r["kind"] == "learned"))
-    with refusal():
-        check_names("learned policy", options.policies, learned)
+        check_names("learned policy", options.policies, names())
+    file, tight = (options.results / file_names(scenario)["results"] for scenario in (options.scenario, "tight"))
+    scripted = (*PROFILES, *options.policies)
+    results = _complete(file, options.scenario, (*scripted, *CLOSED_LOOPS), options.policies)
+    narrow = None
+    if options.scenario == "default" and tight.is_file():
+        narrow = _complete(tight, "tight", scripted, options.policies)
+    records, held = results["records"], True
     for policy in options.policies:
         claims = benchmark_claims(results, policy)
         needed = {"": needed_efficiency(results, policy)} if results["efficiencies"] else {}
-        if options.scenario == "default" and tight.is_file():
-            narrow = read_json(tight, REMEDY, keys=_KEYS)
+        if narrow is not None:
             claims += tight_claims(narrow, policy)
             needed["tight: "] = needed_efficiency(narrow, policy)
         claims += unseen_claims(policy, options.episodes, options.scenario)

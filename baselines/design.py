@@ -101,7 +101,7 @@ def information(dwell: np.ndarray, satellite: Satellite, scenario: Scenario, fra
     rates = planned_rates(dwell, operated, fraction, scenario.decisions, scenario.decision_period)
     course = nominal_course(rates, operated, scenario.samples)
     covariance = posterior_bound(course, briefing, settings, scenario.sample_period)
-    prior = 2.0 * np.log(briefing.prior_theta_std("principal")).sum()
+    prior = 2.0 * np.log(briefing.prior_theta_std(briefing.needed_parameters)).sum()
     return 0.5 * (prior - np.linalg.slogdet(covariance)[1].mean(axis=1))
 
 

@@ -24,12 +24,12 @@ from tqdm import tqdm
 from baselines.ending import ended, refusal
 from baselines.provenance import command, revision, versions
 from baselines.recording import Recording, model_world, record
-from satid_gym.bounds import episode_bounds, population_bound, posterior_bound
+from satid_gym.bounds import episode_bounds, law_growth, population_bound, posterior_bound
 from satid_gym.config import check_names, check_whole
 from satid_gym.core import momentum_filter
 from satid_gym.core.jit import kernel
 from satid_gym.estimators.belief import new_belief, new_work
-from satid_gym.estimators.settings import MomentumEKFSettings, brief, inertia_parameters
+from satid_gym.estimators.settings import MomentumEKFSettings, brief, inertia_parameters, inertia_tensors
 from satid_gym.evaluation import benchmark_scenario, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
@@ -55,9 +55,9 @@ EXCITING = (
 
 
 def square_error(theta: np.ndarray, recording: Recording) -> np.ndarray:
-    """Squared relative error (N,) of principal moments theta (N, T, 3), mean over the final window."""
+    """Squared relative error (N,) of the inertia that theta (N, T, p) stands for, mean over the final window."""
     inertia = recording.course.inertia
-    error = np.square(theta - inertia_parameters(inertia, "principal")).sum(axis=2)
+    error = np.square(inertia_tensors(theta) - inertia).sum(axis=(2, 3))
     return final(error / np.square(inertia).sum(axis=(2, 3)))
 
 
@@ -67,33 +67,33 @@ def final(series: np.ndarray) -> np.ndarray:
 
 
 def told_the_law(recording: Recording, satellite: str, scenario: Scenario) -> np.ndarray:
-    """Estimates (N, T, 3) of the MomentumEKF on recorded readings when it knows how J changes, but not J."""
-    theta = inertia_parameters(recording.course.inertia, "principal")
-    growth = np.ones_like(theta)
-    growth[:, 1:] = theta[:, 1:] / theta[:, :-1]
-    template = new_belief(brief(SATELLITES[satellite], scenario), LAW_KNOWN)
-    work, out = new_work(recording.tachometer.shape[2], LAW_KNOWN), np.empty_like(theta)
+    """Estimates (N, T, p) of the MomentumEKF on recorded readings when it knows how J changes, but not J."""
+    briefing = brief(SATELLITES[satellite], scenario)
+    theta = inertia_parameters(recording.course.inertia, briefing.needed_parameters)
+    template, growth = new_belief(briefing, LAW_KNOWN), law_growth(theta)
+    work, out = new_work(template), np.empty_like(theta)
     filter_told(template, template.copy(), work, recording.gyro, recording.tachometer, growth, recording.dt, out)
     return out
 
 
 def _build_filter_told(fingerprint):
     def filter_told(template, beliefs, work, gyro, tachometer, growth, dt, out):
-        """Run the filter over each episode's readings; theta and its covariance grow by the factors (N, T, 3)."""
+        """Run the filter over each episode's readings; theta and its covariance grow by the factors (N, T, p)."""
         fingerprint  # noqa: B018
+        p = growth.shape[2]
         for i in range(gyro.shape[0]):
             beliefs[0] = template[0]
             belief = beliefs[0]
             momentum_filter.start(belief, work[0], gyro[i, 0], tachometer[i, 0])
-            out[i, 0] = belief.mean[3:6]
+            out[i, 0] = belief.mean[3 : 3 + p]
             for k in range(1, gyro.shape[1]):
                 momentum_filter.predict(belief, work[0], tachometer[i, k], dt)
-                for j in range(3):
+                for j in range(p):
                     belief.mean[3 + j] *= growth[i, k, j]
                     belief.covariance[3 + j] *= growth[i, k, j]
                     belief.covariance[:, 3 + j] *= growth[i, k, j]
                 momentum_filter.condition(belief, work[0], gyro[i, k])
-                out[i, k] = belief.mean[3:6]
+                out[i, k] = belief.mean[3 : 3 + p]
 
     return filter_told
 

@@ -35,7 +35,7 @@ from satid_gym.bounds import posterior_bound
 from satid_gym.config import check_names, check_number, check_whole
 from satid_gym.estimators import MomentumEKF, MomentumEKFSettings, RateEKF
 from satid_gym.estimators.least_squares import NotIdentifiedError, differentiated, instrumental_variable, momentum_form
-from satid_gym.estimators.settings import Briefing, brief, inertia_parameters
+from satid_gym.estimators.settings import Briefing, brief, inertia_parameters, inertia_tensors
 from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_bytes, write_json
 from satid_gym.laws import PAPER_LAWS
@@ -131,17 +131,18 @@ def matched(name: str, torque: float, scenario: Scenario) -> ScriptedPolicy:
 
 
 def information(recording: Recording, briefing: Briefing) -> dict[str, float]:
-    """Log det of the information on relative moments, mean over the episodes.
+    """Log det of the information on relative parameters, mean over the episodes.
 
     Returns:
         "logdet": Fisher's, of the whole flight; "held": the MomentumEKF's, mean over the final window.
     """
-    scale = briefing.theta_scale("principal")
+    parameters = briefing.needed_parameters
+    scale = briefing.theta_scale(parameters)
     bounds = [
         posterior_bound(recording.course, briefing, settings, recording.dt) / np.outer(scale, scale)
         for settings in (MomentumEKFSettings(inertia_walk=0.0), MomentumEKFSettings())
     ]
-    fisher = np.linalg.inv(bounds[0][:, -1]) - np.diag((scale / briefing.prior_theta_std("principal")) ** 2)
+    fisher = np.linalg.inv(bounds[0][:, -1]) - np.diag((scale / briefing.prior_theta_std(parameters)) ** 2)
     window = -round(FINAL_FRACTION * recording.gyro.shape[1])
     held = -np.linalg.slogdet(bounds[1][:, window:])[1]
     return {"logdet": float(np.linalg.slogdet(fisher)[1].mean()), "held": float(held.mean())}
@@ -156,12 +157,12 @@ def errors(recording: Recording, briefing: Briefing, samples: int) -> dict[str, 
         samples: readings a decision.
     """
     found: dict[str, list[float]] = {name: [] for name in ESTIMATORS}
-    prior = inertia_parameters(briefing.inertia, "principal")
+    prior = inertia_parameters(briefing.inertia, briefing.needed_parameters)
     window = -round(FINAL_FRACTION * recording.gyro.shape[1])
     for row in range(len(recording.gyro)):
         readings = (briefing, recording.gyro[row], recording.tachometer[row], recording.dt)
         seldom = (briefing, readings[1][::samples], readings[2][::samples], samples * recording.dt)
-        truth = inertia_parameters(recording.course.inertia[row, window:], "principal")
+        truth = recording.course.inertia[row, window:]
         estimates = {
             "ls": _batch(partial(differentiated, *seldom), prior),
             "momentum_ls": _batch(partial(momentum_form, *readings), prior),
@@ -171,7 +172,8 @@ def errors(recording: Recording, briefing: Briefing, samples: int) -> dict[str, 
             "momentum_ekf_static": MomentumEKF(inertia_walk=0.0).run(*readings).inertia[window:],
         }
         for name, estimate in estimates.items():
-            error = np.linalg.norm(estimate - truth, axis=1) / np.linalg.norm(truth, axis=1)
+            apart = np.linalg.norm(inertia_tensors(estimate) - truth, axis=(1, 2))
+            error = apart / np.linalg.norm(truth, axis=(1, 2))
             found[name].append(float(error.mean()))
     return found
 

@@ -80,7 +80,7 @@ def record(
         as_modelled: inertia and disturbance walk as the filter's model says, on top of the inertia law.
 
     Raises:
-        ValueError: `as_modelled` with a filter that has no such model.
+        ValueError: `as_modelled` with a filter that has no such model, or that estimates products of inertia.
     """
     posed = problem(satellite, inertia, scenario, estimator, include_covariance=includes_covariance(policy))
     walk = np.zeros(6)
@@ -108,6 +108,8 @@ def _walk(posed: Problem) -> np.ndarray:
     settings = posed.estimator
     if not isinstance(settings, MomentumEKFSettings):
         raise ValueError(f"only the MomentumEKF says how truth walks, got the estimator {settings.name!r}")
+    if posed.parameters != "principal":
+        raise ValueError("as_modelled walks the three moments alone: fly a satellite without products of inertia")
     satellite = posed.scenario.operate(posed.satellites[0])
     inertia = settings.inertia_walk * np.diag(satellite.inertia)
     torque = disturbance_walk(settings, brief(posed.satellites[0], posed.scenario))
@@ -124,7 +126,7 @@ def _fly(
     shapes |= {"gyro": (3,), "tachometer": (n,), "theta": (p,), "covariance": (p, p), "attitude": (4,)}
     series = {name: np.zeros((rows, length, *shape)) for name, shape in shapes.items()}
     rngs = [np.random.default_rng([seed, 2]) for seed in seeds]
-    work, outside = new_work(n, posed.estimator), np.zeros(rows)
+    work, outside = new_work(state["beliefs"]), np.zeros(rows)
     records = tuple(state[name] for name in ("plants", "beliefs", "tasks"))
     records += (work, state["reports"], state["observations"])
     actions = np.zeros((rows, n), np.float32)

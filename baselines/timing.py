@@ -1,4 +1,7 @@
-"""Compute time of a policy's decisions: `python -m baselines.timing` prints it for every baseline."""
+"""Compute time of a policy's decisions: `python -m baselines.timing` prints it.
+
+Of every baseline and shipped policy, alone and with many episodes side by side.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,18 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import tyro
 
 from baselines.ending import ended, refusal
+from baselines.provenance import command, revision, versions
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.files import check_writable, write_json
 from satid_gym.policies.registry import BASELINES, make_baseline
+from satid_gym.policies.shipped import find, names
 from satid_gym.policy import Kind, Mission, Policy, includes_covariance
 from satid_gym.satellite import SATELLITES
 
@@ -60,8 +67,10 @@ class Timing:
     """Satellite to fly."""
     episodes: int = 100
     """Episodes side by side, beside one alone."""
-    policies: tuple[str, ...] = tuple(BASELINES)
-    """Baselines to time."""
+    policies: tuple[str, ...] = (*BASELINES, *names())
+    """Baselines and shipped policies to time."""
+    output: Path | None = None
+    """File for the figures, .json; they are printed only where none is given."""
 
     def check(self) -> None:
         """Refuse what cannot be timed.
@@ -70,13 +79,13 @@ class Timing:
             ValueError: a name is unknown or there is no episode.
         """
         check_names("satellite", (self.satellite,), SATELLITES)
-        check_names("policy", self.policies, BASELINES)
+        check_names("policy", self.policies, [*BASELINES, *names()])
         check_whole("episodes", self.episodes)
 
 
 def decision_ms(name: str, satellite: str, episodes: int) -> float:
-    """Median time of a baseline's decision in one flight of `episodes` side by side, ms."""
-    policy = TimedPolicy(make_baseline(name, satellite))
+    """Median time of a decision of a baseline or shipped policy, `episodes` flying side by side, ms."""
+    policy = TimedPolicy(make_baseline(name, satellite) if name in BASELINES else find(name))
     cell = {"satellite": satellite, "inertia": "random", "scenario": benchmark_scenario()}
     fly(policy, seeds=seeds("validation", episodes), **cell)  # type: ignore[arg-type]
     return policy.decision_ms
@@ -87,11 +96,19 @@ def main() -> int:
     timing = tyro.cli(Timing, description=__doc__)
     with refusal():
         timing.check()
+    if timing.output is not None:
+        check_writable(timing.output.parent)
+    found = {}
     print(f"ms a decision, {timing.satellite}: alone | {timing.episodes} episodes side by side")
     for name in timing.policies:
         decision_ms(name, timing.satellite, 1)  # the first flight may compile
-        times = [decision_ms(name, timing.satellite, count) for count in (1, timing.episodes)]
-        print(f"{name:18s} {times[0]:8.4f} {times[1]:8.4f}")
+        alone, together = (decision_ms(name, timing.satellite, count) for count in (1, timing.episodes))
+        print(f"{name:18s} {alone:8.4f} {together:8.4f}")
+        found[name] = {"alone": alone, "side_by_side": together}
+    if timing.output is not None:
+        made = {"command": command("baselines.timing"), "revision": revision(), "versions": versions()}
+        cell = {"satellite": timing.satellite, "episodes": timing.episodes}
+        write_json(timing.output, {**made, **cell, "decision_ms": found})
     return 0
 
 

@@ -9,9 +9,9 @@ from stable_baselines3 import PPO
 from agents.rate_env import RateCommandVecEnv
 from agents.settings import TrainSettings
 from agents.train import learned_policy
-from baselines import make_baseline
 from satid_gym import RewardSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies import make_baseline
 
 torch.set_num_threads(1)  # the network is small: a second thread only takes cores from the environments
 
@@ -21,6 +21,7 @@ reward = RewardSettings(held_scale=0.5, held_reference=22.0, envelope_margin=1.0
 env = RateCommandVecEnv(
     64,
     margin=settings.margin,
+    stagger=True,  # so that a rollout holds every part of an episode
     satellite=settings.satellite,
     reward=reward,
     include_covariance=settings.include_covariance,

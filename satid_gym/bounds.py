@@ -40,7 +40,13 @@ from satid_gym.core.jit import inline, kernel
 from satid_gym.core.kalman import estimated_inertia, update, write_times_regressor
 from satid_gym.core.vetting import STEP
 from satid_gym.estimators.belief import new_belief, new_work
-from satid_gym.estimators.settings import PRODUCTS, Briefing, MomentumEKFSettings, inertia_parameters
+from satid_gym.estimators.settings import (
+    PRODUCTS,
+    Briefing,
+    MomentumEKFSettings,
+    estimated_parameters,
+    inertia_parameters,
+)
 from satid_gym.satellite import Satellite
 
 _SUDDEN = 0.02  # change of a parameter from one instant to the next, over its scale, that is a step
@@ -79,12 +85,13 @@ def posterior_bound(
             its size is unknown; with `inertia_walk` 0, what a filter that knew the law could reach.
 
     Raises:
-        ValueError: the law is to be known and a product of inertia, which may pass through zero, is estimated.
+        ValueError: the law is to be known and takes a product of inertia through zero.
     """
-    theta = inertia_parameters(course.inertia, settings.parameters)
+    parameters = estimated_parameters(settings.parameters, briefing)
+    theta = inertia_parameters(course.inertia, parameters)
     growth = _growth(theta, law_known)
     belief = new_belief(briefing, settings)
-    work = new_work(briefing.wheels.count, settings)
+    work = new_work(belief)
     p = theta.shape[2]
     out = np.empty((*theta.shape, p))
     series = (course.momentum, course.rate, course.wheel_speed, course.torque)
@@ -94,11 +101,29 @@ def posterior_bound(
 
 def _growth(theta: np.ndarray, law_known: bool) -> np.ndarray:
     """Factors (N, T, p) from the instant before; 1 where the law is not known."""
+    return law_growth(theta) if law_known else np.ones_like(theta)
+
+
+def law_growth(theta: np.ndarray) -> np.ndarray:
+    """By what factors (N, T, p) parameters theta (N, T, p) grow from the instant before.
+
+    A product of inertia that stays 0 is given the factor that one about the same axes has where all of J grows alike.
+
+    Raises:
+        ValueError: a product of inertia passes through zero.
+    """
     growth = np.ones_like(theta)
-    if law_known:
-        if theta.shape[2] != 3:
-            raise ValueError('a known law is a factor on each moment: it needs parameters "principal", not "full"')
-        growth[:, 1:] = theta[:, 1:] / theta[:, :-1]
+    growth[:, 1:, :3] = theta[:, 1:, :3] / theta[:, :-1, :3]
+    for k, (i, j) in enumerate(PRODUCTS[: theta.shape[2] - 3], start=3):
+        before, now = theta[:, :-1, k], theta[:, 1:, k]
+        absent = (before == 0.0) & (now == 0.0)
+        if not np.all(absent | (before * now > 0.0)):
+            raise ValueError(
+                f"a known law is a factor on each parameter, and J{'xyz'[i]}{'xyz'[j]} passes through zero: "
+                'it needs parameters "principal", or a law that keeps the sign of products of inertia'
+            )
+        alike = np.sqrt(growth[:, 1:, i] * growth[:, 1:, j])
+        growth[:, 1:, k] = np.where(absent, alike, now / np.where(absent, 1.0, before))
     return growth
 
 
@@ -158,12 +183,13 @@ def envelope_bound(
         satellite: with the limits that it is operated with.
         briefing, settings, dt, law_known: see `posterior_bound`.
     """
-    theta = inertia_parameters(course.inertia, settings.parameters)
+    parameters = estimated_parameters(settings.parameters, briefing)
+    theta = inertia_parameters(course.inertia, parameters)
     growth = _growth(theta, law_known)
     information = sample_information(rate_cap(course, satellite, dt), course.inertia, briefing, theta.shape[2])
-    scale = briefing.theta_scale(settings.parameters)
+    scale = briefing.theta_scale(parameters)
     walk = (settings.inertia_walk * scale) ** 2 * dt
-    variance = np.broadcast_to(briefing.prior_theta_std(settings.parameters) ** 2, theta[:, 0].shape)
+    variance = np.broadcast_to(briefing.prior_theta_std(parameters) ** 2, theta[:, 0].shape)
     out = np.empty_like(theta)
     for k in range(theta.shape[1]):
         if k > 0:
@@ -248,12 +274,13 @@ def ideal_error(
         dt: s between two instants.
         finds_steps: whether the filter is told when the inertia steps, as the AdaptiveEKF would find it.
     """
-    theta = inertia_parameters(course.inertia, settings.parameters)
+    parameters = estimated_parameters(settings.parameters, briefing)
+    theta = inertia_parameters(course.inertia, parameters)
     information = sample_information(rate_cap(course, satellite, dt), course.inertia, briefing, theta.shape[2])
-    believed = np.broadcast_to(briefing.prior_theta_std(settings.parameters) ** 2, theta[:, 0].shape)
-    scale = briefing.theta_scale(settings.parameters)
+    believed = np.broadcast_to(briefing.prior_theta_std(parameters) ** 2, theta[:, 0].shape)
+    scale = briefing.theta_scale(parameters)
     walk = (settings.inertia_walk * scale) ** 2 * dt
-    lag = inertia_parameters(briefing.inertia, settings.parameters) - theta[:, 0]
+    lag = inertia_parameters(briefing.inertia, parameters) - theta[:, 0]
     noise = np.zeros_like(lag)
     out = np.empty_like(theta)
     for k in range(theta.shape[1]):

@@ -13,8 +13,8 @@ from satid_gym.core import episode
 from satid_gym.core.records import report_dtype
 from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.protocol import Estimator, is_estimator
-from satid_gym.estimators.settings import EstimatorSettings, brief, estimator_settings
-from satid_gym.foreign import ForeignFilter
+from satid_gym.estimators.settings import EstimatorSettings, brief
+from satid_gym.foreign import ForeignFilter, told_settings
 from satid_gym.interface import (
     BROKEN,
     DRAW_FAILED,
@@ -31,8 +31,6 @@ from satid_gym.satellite import Satellite
 
 if TYPE_CHECKING:
     from satid_gym.rendering import History
-
-_COORDINATES = ("momentum", "rate")  # of an estimator that is an object
 
 
 class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -51,10 +49,10 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Observation space
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
-    p = 3 principal moments. `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the
-    last two parts, with which all of the filter's covariance is observed (70 numbers). Its s states are momentum,
-    parameters, disturbance torque (MomentumEKF and AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF,
-    s = p + 3 + n).
+    p = 3 moments of inertia; p = 6 where a satellite, the law or the scenario has products of inertia.
+    `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the last two parts, with which
+    all of the filter's covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque
+    (MomentumEKF and AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
 
     | name | size | meaning |
     |---|---|---|
@@ -136,8 +134,8 @@ or a `Scenario` |
     | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
-    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, so there give \
-`scenario={"horizon": seconds}` |
+    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, which leaves the \
+horizon as it is, so there give `scenario={"horizon": seconds}` |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
     | include_covariance | False | whether the filter's whole covariance is observed |
@@ -173,19 +171,14 @@ None takes the scenario's |
         self._history: History | None = None
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
-        settings: Any = estimator
-        if is_estimator(estimator):
-            kind = {name: getattr(estimator, name, None) for name in ("coordinates", "parameters")}
-            if kind["coordinates"] not in _COORDINATES:
-                raise unknown_name("coordinates of the estimator", kind["coordinates"], _COORDINATES)
-            settings = estimator_settings({"name": kind["coordinates"], "parameters": kind["parameters"]})
+        settings: Any = told_settings(estimator) if is_estimator(estimator) else estimator
         self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance)
         self._templates = build_templates(self.problem)
         self._plants = np.zeros(1, self._templates.plants.dtype)
         self._beliefs = np.zeros(1, self._templates.beliefs.dtype)
         self._tasks = np.zeros(1, self._templates.tasks.dtype)
         self._reports = np.zeros(1, report_dtype(self.problem.wheels))
-        self._work = new_work(self.problem.wheels, self.problem.estimator)
+        self._work = new_work(self._beliefs)
         self.observation_space, self.action_space = make_spaces(self.problem)
         self._observation = np.zeros((1, self.observation_space.shape[0]), np.float32)
         self._foreign: ForeignFilter | None = None
@@ -227,7 +220,7 @@ None takes the scenario's |
             raise ValueError(DRAW_FAILED)
         if self._foreign is not None:
             satellite = templates.satellites[int(self._tasks["template"][0])]
-            self._foreign.start(brief(satellite, self.problem.scenario))
+            self._foreign.start(brief(satellite, self.problem.scenario, self.problem.parameters))
         if self.render_mode is not None:
             self._start_history(templates.satellites[int(self._tasks["template"][0])])
         return self._observation[0].copy(), self._info()

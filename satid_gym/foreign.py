@@ -4,11 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.config import real_array
+from satid_gym.config import real_array, unknown_name
 from satid_gym.core import kernels
 from satid_gym.core.records import MOMENTUM
 from satid_gym.estimators.protocol import Estimator
-from satid_gym.estimators.settings import Briefing
+from satid_gym.estimators.settings import (
+    PARAMETER_COUNT,
+    AdaptiveEKFSettings,
+    Briefing,
+    EstimatorSettings,
+    MomentumEKFSettings,
+    RateEKFSettings,
+    estimator_settings,
+)
+
+_COORDINATES = ("momentum", "rate")
+
+
+def told_settings(estimator: Estimator) -> EstimatorSettings:
+    """Settings that the environment, and a policy's mission, describe an estimator by.
+
+    Its own, where it has `settings` of the library; else the defaults of its coordinates with its parameters.
+
+    Raises:
+        ValueError: its coordinates or parameters are unknown.
+    """
+    coordinates = getattr(estimator, "coordinates", None)
+    if coordinates not in _COORDINATES:
+        raise unknown_name("coordinates of the estimator", coordinates, _COORDINATES)
+    parameters = getattr(estimator, "parameters", "missing")
+    if parameters not in (None, *PARAMETER_COUNT):
+        raise unknown_name("parameters of the estimator", parameters, ("None", *PARAMETER_COUNT))
+    own = getattr(estimator, "settings", None)
+    if isinstance(own, RateEKFSettings if coordinates == "rate" else (MomentumEKFSettings, AdaptiveEKFSettings)):
+        return own.replace(parameters=parameters)
+    return estimator_settings({"name": coordinates, "parameters": parameters})
 
 
 class ForeignFilter:

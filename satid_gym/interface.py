@@ -69,19 +69,19 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> Templates:
     """Templates of one episode with other settings.
 
     Raises:
-        ValueError: an option is unknown or not valid, or the satellite has another number of wheels.
+        ValueError: an option is unknown or not valid, the satellite has another number of wheels, or something has
+            products of inertia that the filter leaves out.
     """
     if not isinstance(options, Mapping):
         raise ValueError(f"reset options must be a mapping, got {options!r}")
     for name in options:
         if name not in RESET_OPTIONS:
             raise unknown_name("reset option", name, RESET_OPTIONS)
-    changed = p.replace(
-        satellites=resolve_satellites(options.get("satellite", p.satellites)),
-        inertia=resolve_inertia(options.get("inertia", p.inertia)),
-    )
-    if changed.wheels != p.wheels:
-        raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {changed.wheels}")
+    satellites = resolve_satellites(options.get("satellite", p.satellites))
+    for count in (satellite.wheels.count for satellite in satellites):
+        if count != p.wheels:
+            raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {count}")
+    changed = p.replace(satellites=satellites, inertia=resolve_inertia(options.get("inertia", p.inertia)))
     room = p.inertia.room if isinstance(p.inertia, InertiaLaw) else 1
     if isinstance(changed.inertia, InertiaLaw) and changed.inertia.room > room:
         raise ValueError(

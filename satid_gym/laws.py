@@ -107,6 +107,15 @@ class InertiaLaw(Config):
         return self.change is None if self.values is None else self.values.ndim == 1
 
     @property
+    def changes(self) -> np.ndarray:
+        """(K, 3, 3) kg m^2, the tensors that are added to J0 on the way; none where the change is relative."""
+        if self.change is not None:
+            return self.change[None]
+        if self.values is None or self.values.ndim == 1:
+            return np.empty((0, 3, 3))
+        return self.values if self.values.ndim == 3 else self.values[:, :, None] * np.eye(3)
+
+    @property
     def room(self) -> int:
         """Knots that the core has room for, a power of 8: it is compiled once for each, not for every table."""
         return 1 if self.times is None else 8 ** max(0, int(np.ceil(np.log2(len(self.times)) / 3.0)))

@@ -53,7 +53,7 @@ def table_changes(law: InertiaLaw, inertia: np.ndarray) -> np.ndarray:
     assert law.values is not None
     if law.relative:
         return (law.values - 1.0)[:, None, None] * inertia
-    return law.values if law.values.ndim == 3 else law.values[:, :, None] * np.eye(3)
+    return law.changes
 
 
 def _check_law(satellite: Satellite, law: InertiaLaw, change: np.ndarray) -> None:

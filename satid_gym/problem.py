@@ -17,7 +17,14 @@ from satid_gym.core.observation import layout
 from satid_gym.core.records import draw_dtype, task_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.belief import new_belief, state_size
-from satid_gym.estimators.settings import PARAMETER_COUNT, EstimatorSettings, brief, estimator_settings
+from satid_gym.estimators.settings import (
+    PARAMETER_COUNT,
+    EstimatorSettings,
+    Parameters,
+    brief,
+    estimator_settings,
+    products_of_inertia,
+)
 from satid_gym.faults import Faults
 from satid_gym.laws import INERTIA_MODES, TABLE, InertiaLaw, LawRanges
 from satid_gym.plant import new_plant
@@ -38,9 +45,13 @@ class Problem(Config):
         satellites: an episode draws one of them; all have the same number of wheels.
         inertia: "random", a mode whose law is drawn from the scenario's ranges, or one exact law.
         scenario: the world.
-        estimator: tuning of the compiled filter.
+        estimator: tuning of the compiled filter; `parameters` that were left open are settled here: "full" where a
+            satellite, the law or the scenario has products of inertia about the body axes, else "principal".
         reward: what pays.
         include_covariance: whether the filter's whole covariance is observed.
+
+    Raises:
+        ValueError: the satellites' wheels differ in number, or "principal" would leave out products of inertia.
     """
 
     satellites: tuple[Satellite, ...]
@@ -55,6 +66,48 @@ class Problem(Config):
         counts = {s.wheels.count for s in self.satellites}
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
+        missed = self._products()
+        if self.estimator.parameters is None:
+            settled = self.estimator.replace(parameters="full" if missed else "principal")
+            object.__setattr__(self, "estimator", settled)
+        elif missed:
+            self.check_parameters(missed)
+
+    def _products(self) -> str:
+        """What has products of inertia about the body axes, in words; "" where nothing has."""
+        changes = self.inertia.changes if isinstance(self.inertia, InertiaLaw) else ()
+        for satellite in self.satellites:
+            moments = np.diag(satellite.inertia)
+            if found := products_of_inertia(satellite.inertia, moments):
+                return f"satellite {satellite.name!r} has products of inertia about the body axes, {found}"
+            for change in changes:
+                if found := products_of_inertia(change, moments):
+                    return f"the inertia law's change has products of inertia about the body axes, {found}"
+        if self.scenario.tilt_std > 0.0:
+            return f"the scenario tilts the principal axes out of the body axes, tilt_std = {self.scenario.tilt_std:g}"
+        return ""
+
+    def check_parameters(self, missed: str) -> None:
+        """Refuse a filter of three moments for what has products of inertia.
+
+        Args:
+            missed: what has them, in words.
+
+        Raises:
+            ValueError: the filter estimates three moments.
+        """
+        if self.parameters == "principal":
+            raise ValueError(
+                f'{missed}: a filter with parameters "principal" leaves products of inertia out and is far off without '
+                f'saying so. Make the environment with estimator={{"name": "{self.estimator.name}", "parameters": '
+                '"full"}, or without parameters: it then takes what its satellites, law and scenario need'
+            )
+
+    @property
+    def parameters(self) -> Parameters:
+        """What the filter estimates: "principal" moments or the "full" tensor."""
+        assert self.estimator.parameters is not None  # settled when this was built
+        return self.estimator.parameters
 
     @property
     def wheels(self) -> int:
@@ -64,8 +117,8 @@ class Problem(Config):
     @property
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
-        p = PARAMETER_COUNT[self.estimator.parameters]
-        others = state_size(self.estimator, self.wheels) - p if self.include_covariance else 0
+        p = PARAMETER_COUNT[self.parameters]
+        others = state_size(self.estimator, self.parameters, self.wheels) - p if self.include_covariance else 0
         return layout(self.wheels, p, others)
 
 
@@ -195,7 +248,11 @@ class Templates:
 
 
 def build_templates(p: Problem, inertia: np.ndarray | None = None, room: int = 1) -> Templates:
-    """Templates of a problem, with room for so many knots or more; a true `inertia` replaces the drawn one."""
+    """Templates of a problem, with room for so many knots or more; a true `inertia` replaces the drawn one.
+
+    Raises:
+        ValueError: `inertia` is no rigid body's, or has products that the problem's filter leaves out.
+    """
     rows = [_template(p, satellite, inertia, room) for satellite in p.satellites]
     columns = zip(*rows, strict=True)
     draws, plants, beliefs, tasks = (np.concatenate(parts).view(parts[0].dtype) for parts in columns)
@@ -213,6 +270,8 @@ def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None, room
         orbit_rate=scenario.orbit_rate,
     )
     true = operating if inertia is None else operating.replace(inertia=inertia_tensor(inertia, "true inertia"))
+    if inertia is not None and (found := products_of_inertia(true.inertia, np.diag(true.inertia))):
+        p.check_parameters(f"the true inertia has products of inertia about the body axes, {found}")
     plants = new_plant(true, law, disturbance, room)
     plant = plants[0]
     plant["torque_noise_std"] = scenario.torque_noise * operating.wheels.max_torque

@@ -10,6 +10,7 @@ import numpy as np
 from satid_gym.config import Config, check_number, real_array
 
 _UNIT = 1e-6  # how far a wheel's axis may be from unit length
+_MOMENTS = (1e-9, 1e12)  # kg m^2: a chip of a gram has 1e-7, the International Space Station 2e8
 _TRIANGLE = 1e-9  # relative slack of the triangle inequalities: flat plates meet them with equality
 
 
@@ -24,16 +25,20 @@ def inertia_tensor(inertia: object, name: str = "inertia") -> np.ndarray:
         (3, 3) read-only array.
 
     Raises:
-        ValueError: not symmetric, not positive definite, or its principal moments break a triangle
-            inequality, so that no rigid body can have it.
+        ValueError: not symmetric, not positive definite, its principal moments are beyond those of any
+            spacecraft (1e-9 to 1e12 kg m^2), or they break a triangle inequality, so that no rigid body can have it.
     """
     array = real_array(name, inertia, (3,), (3, 3))
     tensor = np.diag(array) if array.ndim == 1 else array
+    if np.abs(tensor).max() > _MOMENTS[1]:  # first of all: their products would overflow
+        raise _beyond(name, np.abs(tensor).max())
     if not np.allclose(tensor, tensor.T, rtol=0.0, atol=1e-9 * np.abs(tensor).max()):
         raise ValueError(f"{name} must be symmetric, got {tensor.tolist()}")
     moments = np.linalg.eigvalsh(tensor)
     if moments[0] <= 0.0:
         raise ValueError(f"{name} must be positive definite; its principal moments are {moments.tolist()}")
+    if moments[0] < _MOMENTS[0]:
+        raise _beyond(name, moments[0])
     if moments[0] + moments[1] < moments[2] * (1.0 - _TRIANGLE):
         raise ValueError(
             f"{name} breaks the triangle inequality of principal moments: "
@@ -42,6 +47,14 @@ def inertia_tensor(inertia: object, name: str = "inertia") -> np.ndarray:
     tensor = 0.5 * (tensor + tensor.T)
     tensor.flags.writeable = False
     return tensor
+
+
+def _beyond(name: str, moment: float) -> ValueError:
+    low, high = _MOMENTS
+    return ValueError(
+        f"{name} is beyond any spacecraft's: its moments must be within {low:g} and {high:g} kg m^2, got {moment:g}; "
+        "is it in kg m^2?"
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from satid_gym.vector import SatInertiaIDVectorEnv
@@ -19,8 +20,7 @@ from satid_gym.vector import SatInertiaIDVectorEnv
 class SatInertiaIDVecEnv(VecEnv):
     """`SatInertiaIDVectorEnv` as a Stable-Baselines3 `VecEnv`.
 
-    Episodes start staggered, so that a rollout holds every part of an episode and resets do not come all at
-    once. The info of an episode's last step holds `terminal_observation`, `TimeLimit.truncated`, `episode`
+    The info of an episode's last step holds `terminal_observation`, `TimeLimit.truncated`, `episode`
     (as Stable-Baselines3's Monitor gives it) and the final `relative_error`; other infos are empty, because
     no algorithm reads them and making them costs more than a step.
 
@@ -29,11 +29,13 @@ class SatInertiaIDVecEnv(VecEnv):
         bootstrap: True reports the horizon as a time limit, so that algorithms add the value of what would
             follow (one forward pass for every episode). False reports it as the end of the task, which it is
             for a policy that observes the time left.
-        stagger: whether episodes start staggered.
+        stagger: start the first episodes with less time left, evenly spread, so that a rollout holds every part
+            of an episode and resets do not come all at once. For training alone: the first episodes are then
+            shorter, which an evaluation would count.
         **settings: of `SatInertiaIDVectorEnv`, without `autoreset_mode`.
     """
 
-    def __init__(self, num_envs: int, *, bootstrap: bool = False, stagger: bool = True, **settings: Any) -> None:
+    def __init__(self, num_envs: int, *, bootstrap: bool = False, stagger: bool = False, **settings: Any) -> None:
         self.vector_env = SatInertiaIDVectorEnv(
             num_envs, autoreset_mode=AutoresetMode.SAME_STEP, stagger=stagger, **settings
         )
@@ -106,8 +108,12 @@ class SatInertiaIDVecEnv(VecEnv):
         raise NotImplementedError("compiled environments have no methods of their own; call vector_env's")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
-        """Compiled environments carry no wrappers."""
-        return [False for _ in self._get_indices(indices)]
+        """True for Monitor, False for any other wrapper.
+
+        Stable-Baselines3 asks for Monitor to find out whether the infos hold `episode`, the return and length of
+        each whole episode, as they do here.
+        """
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that a later `restore` needs to go on as if nothing had happened."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
@@ -121,18 +123,40 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._seeds: list[int | None] = [None] * rows
         self._tasks["over"] = 1
         self._set_threads(num_threads)
+        self._in_use = threading.Lock()
 
     def _set_threads(self, num_threads: int | None) -> None:
         most = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         count = max(1, min(num_threads or most, self.num_envs // _LEAST_ROWS))
         edges = np.linspace(0, self.num_envs, count + 1).astype(int).tolist()
         self._shares = list(pairwise(edges))
-        self._work = [new_work(self.problem.wheels, self.problem.estimator) for _ in self._shares]
+        self._work = [new_work(self._beliefs) for _ in self._shares]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_pool": None}
+        return {name: value for name, value in self.__dict__.items() if name != "_in_use"} | {"_pool": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._in_use = threading.Lock()
+
+    @contextmanager
+    def _used_alone(self) -> Iterator[None]:
+        """Refuse a second thread while one is in `reset` or `step`: both write the same rows.
+
+        Raises:
+            RuntimeError: another thread is in one of them.
+        """
+        if not self._in_use.acquire(blocking=False):
+            raise RuntimeError(
+                "two threads are in reset() or step() of one vector environment at once: give each thread an "
+                "environment of its own (it uses all cores by itself), or put a lock around every call"
+            )
+        try:
+            yield
+        finally:
+            self._in_use.release()
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
@@ -167,7 +191,14 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
         Raises:
             ValueError: an option, the mask or the number of seeds is not valid; nothing has changed.
+            RuntimeError: another thread is in `reset` or `step`.
         """
+        with self._used_alone():
+            return self._reset(seed, options)
+
+    def _reset(
+        self, seed: int | Sequence[int | None] | None, options: dict[str, Any] | None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         if options is not None and not isinstance(options, Mapping):
             raise ValueError(f"reset options must be a mapping, got {options!r}")
         options = dict(options or {})
@@ -231,7 +262,12 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             ValueError: the actions are not finite or have another shape; nothing has changed.
             gymnasium.error.ResetNeeded: an episode is over and autoreset is disabled, or nothing was reset yet.
             FloatingPointError: a filter broke down.
+            RuntimeError: another thread is in `reset` or `step`.
         """
+        with self._used_alone():
+            return self._step(actions)
+
+    def _step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         actions = real_action("actions", actions)
         if actions.shape != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")

@@ -29,6 +29,18 @@ assert env.observation_space.contains(observation)
 import satid_gym
 print(f"5 decisions with {satid_gym.__file__}, relative error {info['relative_error']:.3f}")
 """
+FLY = """
+import importlib.util, sys
+from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies import find, make_baseline
+world = benchmark_scenario().replace(horizon=30.0)
+for policy in (find("generalist"), make_baseline("mpc", "microsat")):
+    flight = fly(policy, satellite="microsat", inertia="static", seeds=seeds("validation", 2), scenario=world)
+    assert flight.error[-1].max() < 0.02, flight.error[-1]
+    print(f"{policy.name}: relative error {flight.error[-1].max():.4f} after {flight.time[-1]:.0f} s")
+assert not {"torch", "stable_baselines3"} & set(sys.modules)
+assert not any(map(importlib.util.find_spec, ("agents", "baselines")))
+"""
 
 
 def call(*command: str | Path, cwd: Path = ROOT) -> str:
@@ -92,6 +104,7 @@ def main() -> int:
             print(call(sys.executable, "-m", "pip", "--python", python, "check"))
             print(call(python, "-m", "satid_gym.warmup", cwd=folder))
             print(call(python, "-c", USE, cwd=folder))
+            print(call(python, "-c", FLY, cwd=folder))
         except RuntimeError as error:
             print(error, file=sys.stderr)
             return 1

@@ -197,8 +197,11 @@ def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
     np.testing.assert_allclose(known[10], 2.25 * known[0], rtol=1e-9)
     unknown = posterior_bound(course, briefing, settings, DT)[0]
     np.testing.assert_allclose(unknown[-1], unknown[0], rtol=1e-9)
-    with pytest.raises(ValueError, match=r'a known law is a factor on each moment: it needs parameters "principal"'):
-        posterior_bound(course, briefing, MomentumEKFSettings(parameters="full"), DT, law_known=True)
+    deployed = inertia.copy()
+    deployed[:, 10:, 0, 2] = deployed[:, 10:, 2, 0] = 0.5
+    course = Course(momentum=zero, rate=zero, wheel_speed=zero, inertia=deployed, torque=zero)
+    with pytest.raises(ValueError, match=r'factor on each parameter, and Jxz passes through zero.* "principal"'):
+        posterior_bound(course, briefing, settings, DT, law_known=True)
 
 
 @pytest.mark.parametrize("parameters", ["principal", "full"])

@@ -69,7 +69,7 @@ MISSPELT = [
     ("tests.long_haul --decisions 5", "decisions must be a whole number of at least"),
     ("tests.mutation --modules core/rewards", "unknown module 'core/rewards'", "Did you mean 'core/reward'?"),
 ]
-WITHOUT_NAMES = {"agents.pages", "agents.readme", "tests.distribution", "tests.mutation.trial"}
+WITHOUT_NAMES = {"agents.pages", "agents.readme", "agents.reward_figure", "tests.distribution", "tests.mutation.trial"}
 
 
 def run(command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:

@@ -228,9 +228,9 @@ def test_scenarios():
     # the paper starts its filter at 0.80 of the CubeSat's true inertia and 0.85 of the others'
     assert brief(SATELLITES["cubesat"], paper).inertia[0, 0] == pytest.approx(0.80 * 0.26)
     assert brief(microsat, paper).inertia[0, 0] == pytest.approx(0.85 * 6.53)
-    assert problem(scenario="paper").estimator == RateEKFSettings()
-    assert problem().estimator == problem(scenario="tight").estimator == AdaptiveEKFSettings()
-    assert problem(scenario="faults").estimator == MomentumEKFSettings(gate=1e-6)
+    assert problem(scenario="paper").estimator == RateEKFSettings(parameters="principal")
+    assert problem().estimator == problem(scenario="tight").estimator == AdaptiveEKFSettings(parameters="principal")
+    assert problem(scenario="faults").estimator == MomentumEKFSettings(parameters="principal", gate=1e-6)
     assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
 
 

@@ -260,7 +260,7 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
 
     problem = env.problem
     beliefs = new_belief(brief(problem.satellites[0], problem.scenario), MomentumEKFSettings())
-    work, tasks = new_work(3, problem.estimator), build_templates(problem).tasks
+    work, tasks = new_work(beliefs), build_templates(problem).tasks
     # a truth of twice the inertia, upside down, under another law and at its own rate
     other = build_templates(problem, inertia=2.0 * np.array([4.53, 5.96, 6.53])).plants
     other["rate"], other["momentum"], other["law"] = 0.01, 0.3, 2

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from tests.distribution import ROOT, build, call, contents, install, unpack
+from tests.distribution import FLY, ROOT, build, call, contents, install, unpack
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +51,10 @@ def test_the_wheel_alone_is_imported_and_its_environment_registered(built, tmp_p
         with pytest.raises(RuntimeError, match="ModuleNotFoundError"):
             call(python, "-c", f"import {name}", cwd=tmp_path)
     assert call(sys.executable, "-m", "pip", "--python", python, "check") == "No broken requirements found."
+
+
+@pytest.mark.compiled
+def test_the_wheel_alone_flies_what_is_shipped(built, tmp_path):
+    python = install(built[0], tmp_path / "environment")
+    flown = call(python, "-c", FLY, cwd=tmp_path).splitlines()
+    assert [line.split(":")[0] for line in flown] == ["generalist", "mpc"]

@@ -12,6 +12,8 @@ import sys
 import tomllib
 import warnings
 
+import gymnasium
+import numpy as np
 import pytest
 import torch
 import tyro
@@ -27,7 +29,7 @@ from satid_gym.interface import INFO_KEYS, RESET_OPTIONS
 from satid_gym.problem import problem
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
-PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
+PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md", "docs/README.md")}
 
 
 def blocks(text, language):
@@ -200,6 +202,26 @@ def table(page, heading):
     section = re.split(r"^## ", section, flags=re.M)[0]
     rows = [line for line in section.splitlines() if line.startswith("|")]
     return [[cell.strip().replace("`", "") for cell in row.strip("|").split("|")] for row in rows if "---" not in row]
+
+
+@pytest.mark.parametrize(
+    ("code", "decisions", "horizon"), table("faq.md", r"How do I change the length of an episode\?")[1:]
+)
+def test_an_episode_is_as_long_as_the_table_says(code, decisions, horizon):
+    env = eval(code, {"gymnasium": gymnasium, "satid_gym": satid_gym})
+    vector = hasattr(env, "num_envs")
+    place = problem().layout["time_left"]
+    observation, _ = env.reset(seed=0)
+    action, count, over = np.zeros(env.action_space.shape, np.float32), 0, np.array(False)
+    while not over.any():
+        observation, _, terminated, truncated, _ = env.step(action)
+        count, over = count + 1, np.asarray(truncated)
+        assert not np.any(terminated)
+        if count == 1:
+            left = (observation[0] if vector else observation)[place]
+            assert left == pytest.approx(1.0 - 1.0 / int(horizon), abs=1e-6)
+    env.close()
+    assert count == int(decisions)
 
 
 @pytest.mark.parametrize(("estimator", "states"), [("momentum", "p + 6"), ("rate", "p + 3 + n")])

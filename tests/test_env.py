@@ -318,7 +318,8 @@ def test_a_copy_in_mid_episode_goes_on_as_the_original(copy_of):
 
 
 def test_options_hold_for_one_episode():
-    env = SatInertiaIDEnv(["microsat", "smallsat"])
+    full = {"name": "adaptive", "parameters": "full"}
+    env = SatInertiaIDEnv(["microsat", "smallsat"], estimator=full)
     truth = np.array([[6.0, 0.2, 0.1], [0.2, 5.5, 0.0], [0.1, 0.0, 5.0]])
     _, info = env.reset(seed=0, options={"satellite": "microsat", "inertia": "drift", "true_inertia": truth})
     np.testing.assert_allclose(info["inertia_true"], truth, rtol=1e-12)
@@ -327,7 +328,7 @@ def test_options_hold_for_one_episode():
     assert growth > 1.0
     np.testing.assert_allclose(info["inertia_true"], growth * truth, rtol=1e-12)
     _, later = env.reset(seed=0)
-    _, plain = SatInertiaIDEnv(["microsat", "smallsat"]).reset(seed=0)
+    _, plain = SatInertiaIDEnv(["microsat", "smallsat"], estimator=full).reset(seed=0)
     np.testing.assert_array_equal(later["inertia_true"], plain["inertia_true"])
 
 
@@ -390,6 +391,9 @@ def test_a_bad_action_is_refused(action, message, flying):
         ({"true_inertia": (1.0, 2.0)}, r"true inertia must have shape \(3,\) or \(3, 3\), got \(2,\)"),
         ({"true_inertia": (1.0, np.nan, 1.0)}, "true inertia must be finite"),
         ({"true_inertia": (-1.0, 1.0, 1.0)}, "true inertia must be positive definite"),
+        ({"true_inertia": [1e300] * 3}, r"true inertia .* within 1e-09 and 1e\+12 kg m\^2, got 1e\+300"),
+        ({"true_inertia": np.diag([1e13] * 3)}, r"true inertia .* within 1e-09 and 1e\+12 kg m\^2, got 1e\+13"),
+        ({"true_inertia": [1e-12] * 3}, r"true inertia .* within 1e-09 and 1e\+12 kg m\^2, got 1e-12"),
         ({"inertia": {"mode": "step", "change": [20.0, 0.0, 0.0]}}, "at the end of its step breaks the triangle"),
         ({"reset_mask": np.ones(1, bool)}, "unknown reset option 'reset_mask'"),
     ],

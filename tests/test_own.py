@@ -42,6 +42,7 @@ from satid_gym.satellite import ReactionWheels
 
 WHEELS = ReactionWheels(inertia=5e-4, max_torque=0.03, max_speed=600.0)
 TILTED = Satellite("tilted", [[2.0, 0.2, 0.0], [0.2, 2.4, 0.0], [0.0, 0.0, 1.8]], WHEELS)
+FLAT = Satellite("flat", [1.0, 1.1, 2.0], WHEELS)
 PLAIN = {"inertia": [2.0, 2.4, 1.8], "wheels": WHEELS}
 NUMBER = 3
 
@@ -205,18 +206,18 @@ def test_compare_flies_what_is_ones_own_and_keeps_it_in_full(folder):
     save_policy(folder / "runs" / "ppo-2" / "policy", "ppo-mine")
     code, printed, errors = call(
         compare,
-        "--scenario brief.json --satellites scout.toml crafts:TILTED --modes fuel.csv step --episodes 2 "
+        "--scenario brief.json --satellites scout.toml crafts:FLAT --modes fuel.csv step --episodes 2 "
         "--policies runs/ppo-2 other=runs/ppo-2/policy zero --output out",
     )
     assert code == 0, errors
     results = json.loads((folder / "out" / "compare_brief.json").read_text())
     assert {r["policy"] for r in results["records"]} == {"ppo-mine", "other", "zero"}
-    assert {r["satellite"] for r in results["records"]} == {"scout", "tilted"}
+    assert {r["satellite"] for r in results["records"]} == {"scout", "flat"}
     assert {r["inertia_mode"] for r in results["records"]} == {"fuel", "step"}
     assert "scout: final error" in printed
     settings, made = results["settings"], results["definitions"]
     assert (settings["scenario"], settings["satellites"], settings["modes"]) == (
-        "brief", ["scout", "tilted"], ["fuel", "step"]
+        "brief", ["scout", "flat"], ["fuel", "step"]
     )  # fmt: skip
     assert Satellite.from_dict(made["satellites"]["scout"]) == resolve_satellites("scout.toml")[0]
     assert InertiaLaw.from_dict(made["laws"]["fuel"]) == resolve_inertia("fuel.csv")
@@ -313,6 +314,17 @@ def test_what_is_ones_own_does_not_go_into_the_shipped_settings(module):
     code, _, errors = call(module, "--satellites scout.toml")
     assert code == 2
     assert "scout would replace the settings that are shipped: add --output FILE.json" in errors
+
+
+def test_learned_policies_that_do_not_fit_a_satellite_are_left_out_or_refused():
+    """A satellite with products of inertia has six parameters, the shipped policies were trained for three."""
+    cast = compare.Comparison(satellites=("crafts:TILTED",), episodes=2).cast()
+    assert {policy.name for policy in cast.teams["tilted"]} >= {"mpc", "zero"}
+    assert not {"generalist", "ppo"} & {policy.name for policy in cast.teams["tilted"]}
+    assert any("'tilted': policy generalist takes observations of" in line for line in cast.not_tuned)
+    code, _, errors = call(evaluate, "generalist --beside zero --satellites crafts:TILTED --episodes 2")
+    assert (code, errors.count("\n")) == (2, 1)
+    assert "policy generalist takes observations of" in errors
 
 
 # names

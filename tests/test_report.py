@@ -3,28 +3,24 @@
 import contextlib
 import io
 import json
-import os
-import shutil
 import sys
+from itertools import combinations
 
 import numpy as np
 import pytest
 
-from agents import compare
+from agents import compare, readme
 from agents.report import __main__ as report
 from agents.report.curves import error_bands, rounded
 from agents.report.episode import episode_cell, fly_episode, protagonists
 from agents.report.leaderboard import ALL_MODES, leaderboard
-from agents.report.page import first_shown, rebuild
-from baselines import make_baseline
+from agents.report.looks import place
+from agents.report.page import first_shown, page, page_data, rebuild
+from baselines import BASELINES, make_baseline
 from satid_gym.evaluation import benchmark_scenario, fly
+from satid_gym.files import read_json
 
 POLICIES = ("chirp", "rate_square", "zero", "generalist")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-ARGUMENTS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-)
 
 
 def call(module, line):
@@ -47,21 +43,6 @@ def folder(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def browser():
-    """A headless Chromium; where there is none a user's tests skip, and those of CI fail."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        reason = f"none of {', '.join(BROWSERS)} is installed; for these tests: apt-get install chromium"
-        (pytest.fail if os.environ.get("CI") else pytest.skip)(reason)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=ARGUMENTS.split())
-        yield browser
-        browser.close()
-
-
 @pytest.fixture
 def opened(browser, folder):
     """Opens the page as a user would, and says at the end whether it complained or asked for anything."""
@@ -82,6 +63,26 @@ def opened(browser, folder):
         context.close()
     assert complaints == []
     assert requests == [(folder / "report.html").as_uri()] * len(contexts)
+
+
+@pytest.fixture
+def crowded(browser, folder, tmp_path):
+    """Opens the page of the committed results, with all policies and cells; the episode is the small comparison's."""
+    results = read_json(readme.RESULTS / "compare.json", "restore it")
+    curves = json.loads((folder / "report_data.json").read_text())
+    (tmp_path / "report.html").write_text(page(results, curves))
+    contexts = []
+
+    def open_page(width):
+        contexts.append(browser.new_context(viewport={"width": width, "height": 844}, is_mobile=width < 500))
+        opened = contexts[-1].new_page()
+        opened.goto((tmp_path / "report.html").as_uri())
+        opened.wait_for_selector("#episode-charts .main-svg")
+        return opened
+
+    yield open_page
+    for context in contexts:
+        context.close()
 
 
 # in the browser
@@ -127,9 +128,10 @@ def test_its_figures_are_those_of_the_results(opened, folder):
         row = page.locator(
             "#leaderboard-table tbody tr", has=page.get_by_role("rowheader", name=r["policy"], exact=True)
         )
-        shown = row.locator("td").first.inner_text().replace("[", "").replace("]", "").split()
+        shown = row.locator("td").first.inner_text().translate(str.maketrans("", "", "[]*")).split()
         expected = [100 * r[f"final_error_{end}"] for end in ("mean", "lo", "hi")]
         assert [float(x) for x in shown] == pytest.approx(expected, rel=6e-3)
+        assert f"{r['reward']:.0f}" in row.locator("td").all_inner_texts()
 
 
 def test_the_table_sorts_by_click_and_key_and_keeps_the_bounds_last(opened):
@@ -215,6 +217,71 @@ def test_on_a_phone_nothing_is_wider_than_the_screen(opened, scheme):
     assert (background == "rgb(255, 255, 255)") == (scheme == "light")
 
 
+def test_the_scenario_stands_in_the_title_and_in_every_heading_of_results(opened):
+    page = opened()
+    assert page.title().endswith("scenario default")
+    assert page.locator("h1").inner_text().endswith("scenario default")
+    headings = page.locator("main h2").all_inner_texts()
+    assert all("scenario default" in heading for heading in headings[:-1]), headings
+    assert "scenario default, microsat, step" in headings[0]
+
+
+def test_any_policy_can_fly_the_episode_alone_or_beside_another(opened):
+    page = opened()
+
+    def titles():
+        return [title.split()[0] for title in page.locator("#views h3").all_inner_texts()]
+
+    assert titles() == ["chirp", "generalist"]
+    assert set(page.locator("#pilot-0 option").all_inner_texts()) == set(POLICIES)
+    page.select_option("#pilot-0", "zero")
+    assert titles() == ["zero", "generalist"]
+    assert "zero (reference, inside the envelope" in page.locator("#episode-note").inner_text()
+    page.select_option("#pilot-1", "")
+    assert titles() == ["zero"]
+    assert page.locator("#episode-charts .js-plotly-plot").count() == 4
+    page.select_option("#pilot-1", "rate_square")
+    assert page.locator("#episode-charts .js-plotly-plot").count() == 8
+    page.locator("#scrub").fill("20")
+    assert clock(page) == 20.0
+
+
+def test_errors_are_drawn_in_standard_deviations(opened, folder):
+    page = opened()
+    chart = "document.querySelectorAll('#episode-charts .js-plotly-plot')[3]"  # the second policy's
+    drawn = page.evaluate(f"{chart}.data.filter((t) => t.customdata).map((t) => [t.y, t.customdata])")
+    episode = json.loads((folder / "report_data.json").read_text())["episode"]
+    (flight,) = (f for f in episode["flights"] if f["policy"] == "generalist")
+    sigmas = (np.array(flight["estimate"]) - episode["inertia"]) / np.array(flight["sigma"])
+    np.testing.assert_allclose([sigma for _, sigma in drawn], sigmas, rtol=1e-9)
+    near = np.abs(sigmas) <= 3.0
+    heights = np.array([height for height, _ in drawn])
+    np.testing.assert_allclose(heights[near], sigmas[near] / 3.0, rtol=1e-9)  # linear inside three of them
+    np.testing.assert_allclose(np.abs(heights[~near]), 1.0 + np.log10(np.abs(sigmas[~near]) / 3.0), rtol=1e-9)
+    share = 100.0 * near.mean(axis=1)
+    words = page.locator("#episode-charts p.note", has_text="generalist, within").inner_text().replace("\u00a0", " ")
+    assert f"x {share[0]:.1f} %, y {share[1]:.1f} %, z {share[2]:.1f} % of the time" in words
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_text_of_a_chart_covers_another(crowded, width):
+    page = crowded(width)
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('.js-plotly-plot, #colour-scale, .gauges, .controls, .legend')].map((box) => "
+        "[...box.querySelectorAll('.xtick text, .ytick text, .annotation text, .xtitle, .ytitle, span, label, output')]"
+        ".filter((e) => !e.querySelector('span') && e.textContent.trim() && !e.closest('.hidden')).map((e) => {"
+        "const r = e.getBoundingClientRect(); return [e.textContent, r.left, r.top, r.right, r.bottom]; }))"
+    )
+    assert sum(map(len, boxes)) > 100
+    covered = [
+        (one[0], other[0])
+        for texts in boxes
+        for one, other in combinations(texts, 2)
+        if min(one[3], other[3]) - max(one[1], other[1]) > 1 and min(one[4], other[4]) - max(one[2], other[2]) > 3
+    ]
+    assert covered == []
+
+
 # from the disk
 
 
@@ -253,8 +320,42 @@ def test_bands_by_hand():
     assert rounded(np.array([1234.56, -0.000123456]), 2) == [1200.0, -0.00012]
 
 
+@pytest.mark.parametrize(
+    ("file", "name", "value"),
+    [
+        ("compare", "records", 5),
+        ("compare", "records", [{"policy": "sine"}]),
+        ("compare", "settings", []),
+        ("compare", "settings", {"satellites": 3, "modes": ["step"]}),
+        ("compare", "bounds", [7]),
+        ("compare", "efficiencies", None),
+        ("compare", "seeds", 1),
+        ("compare", "revision", 1),
+        ("report_data", "curves", {}),
+        ("report_data", "episode", []),
+        ("report_data", "bounds", 0.5),
+        ("report_data", "time", "long"),
+    ],
+)
+def test_damaged_results_end_the_command_in_a_line(file, name, value, folder, tmp_path, capsys):
+    for path in folder.glob("*.json"):
+        whole = json.loads(path.read_text())
+        if path.stem == file:
+            whole[name] = value
+        (tmp_path / path.name).write_text(json.dumps(whole))
+    code, _ = call(report, f"--results {tmp_path}")
+    errors = capsys.readouterr().err
+    assert (code, errors.count("\n")) == (2, 1)
+    assert f"{file}.json is damaged: " in errors
+    assert name in errors
+    assert "run python -m agents.compare again" in errors
+    assert not (tmp_path / "report.html").exists()
+
+
 def entry(policy, kind, mode, error, outside=0.0, **changed):
-    base = dict.fromkeys(("nees", "information_nats", "effort", "saturated_fraction", "terminated_fraction"), 0.0)
+    base = dict.fromkeys(
+        ("nees", "information_nats", "effort", "saturated_fraction", "terminated_fraction", "reward"), 0.0
+    )
     errors = {f"{name}_error_{end}": error for name in ("final", "mean") for end in ("mean", "lo", "hi")}
     cell = {"policy": policy, "kind": kind, "satellite": "s", "inertia_mode": mode, "outside_fraction": outside}
     return {**base, **errors, **cell, "time_to_1pct_s": 2.0, **changed}
@@ -293,6 +394,61 @@ def test_leaderboard_by_hand():
     assert by_name["bound"]["final_error_mean"] == pytest.approx(2e-4)
 
 
+def headline(browser, tmp_path, records):
+    """What the page's headline says of a cell of these records."""
+    settings = {"satellites": ["s"], "modes": ["static"], "scenario": "tight", "output": "results"}
+    seeds = {"split": "test", "first": 0, "count": 2}
+    made = {"command": "c", "revision": "r", "versions": {}, "settings": settings, "seeds": seeds}
+    flight = {"policy": records[0]["policy"], "kind": records[0]["kind"], "error": [0.1, 0.1]}
+    flight |= {name: [[1.0, 1.0]] * 3 for name in ("estimate", "sigma", "rate", "wheel_speed", "momentum")}
+    episode = {"satellite": "s", "inertia_mode": "static", "seed": 0, "horizon": 1.0, "size": [1, 1, 1]}
+    episode |= {"rate_limit": 1.0, "wheel_axes": np.eye(3).tolist(), "wheel_speed_limit": [1, 1, 1]}
+    episode |= {"shown": [records[0]["policy"]], "time": [0.0, 1.0], "inertia": [[1.0, 1.0]] * 3}
+    episode["flights"] = [flight | {"attitude": [[0.0, 0.0]] * 3 + [[1.0, 1.0]]}]
+    file = tmp_path / "report.html"
+    results = {**made, "records": records, "bounds": [], "efficiencies": []}
+    file.write_text(page(results, {"time": [1.0], "curves": [], "bounds": [], "episode": episode}))
+    opened = browser.new_page()
+    opened.goto(file.as_uri())
+    opened.wait_for_selector("#headline:not(:empty)")
+    assert "scenario tight" in opened.title()
+    said = opened.locator("#headline").inner_text().replace("\u00a0", " ")
+    opened.close()
+    return said
+
+
+def test_the_headline_names_no_error_from_outside_the_envelope_without_saying_so(browser, tmp_path):
+    inside, outside = {"outside": 0.0}, {"outside": 0.5}
+    loop = entry("loop", "closed_loop", "static", 0.002, **inside)
+    records = [loop, entry("net", "learned", "static", 0.001, **outside), entry("tame", "learned", "static", 0.003)]
+    said = headline(browser, tmp_path, records)
+    assert said == "Lowest final error inside the envelope: loop 0.200 %. Best learned inside it: tame 0.300 %."
+    records = [loop, entry("net", "learned", "static", 0.001, **outside)]
+    assert headline(browser, tmp_path, records) == (
+        "Lowest final error inside the envelope: loop 0.200 %. No learned policy keeps to it; the lowest error of "
+        "those, outside it: net 0.100 %."
+    )
+    said = headline(browser, tmp_path, records[1:])
+    assert said.startswith("No policy keeps to the envelope. No learned policy keeps to it; the lowest")
+
+
+def test_a_policy_looks_the_same_on_every_page():
+    """Its place among the looks of its kind is its own, whoever else is on the page."""
+    made = {name: {} for name in ("command", "revision", "seeds", "versions")}
+    curves = {"time": [], "curves": [], "bounds": [], "episode": {}}
+    settings = {"satellites": ["s"], "modes": ["static"]}
+
+    def places(*names):
+        records = [entry(name, "scripted", "static", 0.1) for name in names]
+        results = {**made, "settings": settings, "records": records, "bounds": [], "efficiencies": []}
+        return {policy["name"]: policy["place"] for policy in page_data(results, curves)["policies"]}
+
+    alone, together = places("chirp"), places("one_step", "sine", "chirp", "runs/mine/policy")
+    assert alone["chirp"] == together["chirp"]
+    assert places("runs/mine/policy")["runs/mine/policy"] == together["runs/mine/policy"]
+    assert len({place(name) for name in BASELINES}) == len(BASELINES)
+
+
 def test_who_is_shown():
     assert first_shown(RESULTS) == ["net", "sine"]
     step = [r for r in RESULTS["records"] if r["inertia_mode"] == "step"]
@@ -306,8 +462,9 @@ def test_the_episode_is_the_one_that_was_compared():
     cell = {"satellite": "cubesat", "scenario": benchmark_scenario()}
     policy = make_baseline("rate_square", "cubesat")
     flight = fly(policy, inertia="drift", seeds=[7], **cell)
-    (shown,) = fly_episode([policy], mode="drift", seed=7, **cell)["flights"]
-    assert shown["time"][2::2] == flight.time.tolist()
+    episode = fly_episode([policy], mode="drift", seed=7, **cell)
+    (shown,) = episode["flights"]
+    assert episode["time"][2::2] == flight.time.tolist()
     np.testing.assert_allclose(shown["error"][2::2], flight.error[:, 0], rtol=1e-3)
     np.testing.assert_allclose(np.linalg.norm(shown["attitude"], axis=0), 1.0, atol=1e-4)
 
@@ -316,6 +473,8 @@ def test_a_flight_that_is_terminated_ends_there():
     cell = {"satellite": "cubesat", "scenario": benchmark_scenario()}
     policy = make_baseline("random", "cubesat")
     alive = fly(policy, inertia="static", seeds=[0], **cell).alive[:, 0]
-    (shown,) = fly_episode([policy], mode="static", seed=0, **cell)["flights"]
+    episode = fly_episode([policy, make_baseline("zero", "cubesat")], mode="static", seed=0, **cell)
+    ended, whole = episode["flights"]
     assert not alive.all()
-    assert alive.sum() - 1.0 <= shown["time"][-1] <= alive.sum()
+    assert alive.sum() - 1.0 <= episode["time"][len(ended["error"]) - 1] <= alive.sum()
+    assert len(whole["error"]) == len(episode["time"]) == len(episode["inertia"][0])

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.evaluation import evaluate_policy
 
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.sb3 import SatInertiaIDVecEnv
@@ -13,7 +15,7 @@ HORIZON = 7
 
 @pytest.fixture
 def adapter():
-    env = SatInertiaIDVecEnv(5, stagger=False, max_episode_steps=HORIZON)
+    env = SatInertiaIDVecEnv(5, max_episode_steps=HORIZON)
     yield env
     env.close()
 
@@ -54,7 +56,7 @@ def test_the_last_info_sums_the_episode_up(adapter):
 
 @pytest.mark.parametrize("bootstrap", [True, False])
 def test_the_horizon_is_a_time_limit_only_where_asked(bootstrap):
-    env = SatInertiaIDVecEnv(2, bootstrap=bootstrap, stagger=False, max_episode_steps=1)
+    env = SatInertiaIDVecEnv(2, bootstrap=bootstrap, max_episode_steps=1)
     env.reset()
     _, _, dones, infos = env.step(np.zeros((2, 3), np.float32))
     assert dones.all()
@@ -69,7 +71,7 @@ def test_observations_do_not_change_after_they_are_given(adapter):
 
 
 def test_staggered_episodes_end_at_different_steps():
-    env = SatInertiaIDVecEnv(10, max_episode_steps=10)
+    env = SatInertiaIDVecEnv(10, stagger=True, max_episode_steps=10)
     env.reset()
     ends = [env.step(np.zeros((10, 3), np.float32))[2].sum() for _ in range(10)]
     assert ends == [1] * 10
@@ -81,7 +83,7 @@ def test_a_restored_state_goes_on_as_the_original(adapter):
     actions = np.full((5, 3), 0.3, np.float32)
     adapter.step(actions)
     state = adapter.state()
-    twin = SatInertiaIDVecEnv(5, stagger=False, max_episode_steps=HORIZON)
+    twin = SatInertiaIDVecEnv(5, max_episode_steps=HORIZON)
     twin.restore(state)
     for _ in range(2 * HORIZON):
         ours, theirs = adapter.step(actions), twin.step(actions)
@@ -105,6 +107,31 @@ def test_what_compiled_environments_have_not_is_said(adapter):
     with pytest.raises(RuntimeError, match="step_async"):
         adapter.step_wait()
     assert adapter.env_is_wrapped(object) == [False] * 5
+
+
+@pytest.mark.filterwarnings("error::UserWarning")  # Stable-Baselines3's, where it doubts the episodes' lengths
+def test_evaluate_policy_on_a_fresh_vector_counts_whole_episodes():
+    env = SatInertiaIDVecEnv(4, max_episode_steps=HORIZON)
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=64, device="cpu")
+    evaluated = SatInertiaIDVecEnv(4, max_episode_steps=HORIZON)
+    evaluated.seed(5)
+    returns, lengths = evaluate_policy(model, evaluated, n_eval_episodes=8, return_episode_rewards=True)
+    assert lengths == [HORIZON] * 8
+    evaluated.seed(5)
+    observations, total = evaluated.reset(), np.zeros(4)
+    for _ in range(HORIZON):
+        actions, _ = model.predict(observations, deterministic=True)
+        observations, rewards, _, _ = evaluated.step(actions)
+        total += rewards
+    np.testing.assert_allclose(returns[:4], total, rtol=1e-5)
+
+
+@pytest.mark.filterwarnings("error::UserWarning")
+def test_the_first_evaluation_of_eval_callback_counts_whole_episodes(tmp_path):
+    train, evaluated = (SatInertiaIDVecEnv(4, max_episode_steps=HORIZON) for _ in range(2))
+    callback = EvalCallback(evaluated, n_eval_episodes=4, eval_freq=2, log_path=str(tmp_path), verbose=0)
+    PPO("MlpPolicy", train, n_steps=4, batch_size=16, n_epochs=1, device="cpu").learn(16, callback=callback)
+    assert np.load(tmp_path / "evaluations.npz")["ep_lengths"][0].tolist() == [HORIZON] * 4
 
 
 @pytest.mark.compiled

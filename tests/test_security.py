@@ -116,7 +116,8 @@ def network(**changed):
 
 def written(tmp_path, content, **head):
     """A policy's pair of files with any content and head; `None` leaves a name out."""
-    described = {"format": 1, "name": "x", "control": "rate", "margin": 2.4} | head
+    described = {"format": 1, "name": "x", "control": "rate", "margin": 2.4}
+    described |= {"sha256": hashlib.sha256(content).hexdigest()} | head
     described = {k: v for k, v in described.items() if v is not None}
     (tmp_path / "x.safetensors").write_bytes(content)
     (tmp_path / "x.json").write_text(json.dumps(described))
@@ -175,8 +176,9 @@ def test_networks_that_are_none_are_refused(tmp_path, content):
         {"name": "../../evil"}, {"name": "/etc/passwd"}, {"name": ""}, {"name": "a" * 65}, {"name": "[red]x"},
         {"name": ["x"]}, {"name": None}, {"control": "relu"}, {"control": None}, {"control": ["rate"]},
         {"margin": "many"}, {"margin": float("nan")}, {"margin": float("inf")}, {"margin": -1.0}, {"margin": None},
+        {"margin": 10**400}, {"margin": True}, {"margin": "2.4"}, {"margin": [2.4]},
     ],
-    ids=str,
+    ids=lambda head: str(head)[:40],
 )  # fmt: skip
 def test_heads_that_describe_no_policy_are_refused(tmp_path, head):
     with pytest.raises(ValueError, match=r"x\.json describes no policy"):
@@ -205,6 +207,17 @@ def test_a_flipped_bit_in_a_policy_is_found(tmp_path):
     path.write_bytes(content)
     with pytest.raises(ValueError, match="its checksum differs"):
         LearnedPolicy.load(tmp_path / "x")
+
+
+@pytest.mark.parametrize("checksum", ["missing", None, "", 0, ["x"], "0" * 64], ids=str)
+def test_a_policy_without_the_checksum_of_its_network_is_refused(tmp_path, checksum):
+    path = written(tmp_path, save(network()))
+    head = json.loads((tmp_path / "x.json").read_text())
+    assert LearnedPolicy.load(path).name == "x"
+    head = {k: v for k, v in head.items() if k != "sha256"} if checksum == "missing" else head | {"sha256": checksum}
+    (tmp_path / "x.json").write_text(json.dumps(head))
+    with pytest.raises(ValueError, match=r"holds no sha256: copy the policy again|its checksum differs"):
+        LearnedPolicy.load(path)
 
 
 @pytest.mark.parametrize("name", names())

@@ -106,6 +106,12 @@ def test_a_function_is_sampled_within_what_is_said():
     np.testing.assert_allclose(law_inertia(boom, np.ones(3), [2.5])[0], np.diag([1.025, 1.0, 1.025]), rtol=1e-12)
 
 
+def test_a_table_with_products_of_inertia_is_filtered_with_all_six_parameters():
+    tilting = InertiaLaw("table", times=(0.0, 9.0), values=[np.zeros((3, 3)), [[0, 0.5, 0], [0.5, 0, 0], [0, 0, 0]]])
+    assert SatInertiaIDEnv(inertia=tilting).problem.parameters == "full"
+    assert SatInertiaIDEnv(inertia=BOOM).problem.parameters == "principal"
+
+
 def test_a_table_that_no_body_can_follow_is_refused(pyramid):
     cut = InertiaLaw("table", times=(0.0, 10.0), values=[(0.0, 0.0, 0.0), (-6.0, 0.0, 0.0)], name="cut")
     with pytest.raises(ValueError, match="inertia of pyramid at 10 s of its cut"):

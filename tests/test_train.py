@@ -1,7 +1,9 @@
 """Training: a stopped run goes on with the same result; bad settings are refused before anything starts."""
 
+import importlib
 import json
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -51,6 +53,37 @@ def finished(tmp_path_factory):
     """A run that went to its end: its folder and its network."""
     folder = tmp_path_factory.mktemp("runs") / "whole"
     return folder, run(folder, 640)
+
+
+@pytest.mark.parametrize("module", ["train --settings ppo", "imitate"])
+def test_the_wheels_speed_limit_is_not_lowered_twice(module, tmp_path, monkeypatch, capsys):
+    """Scenario "tight" lowers it to a tenth, and so does a factor of the training settings."""
+    name, *options = module.split()
+    command = importlib.import_module(f"agents.{name}")
+    monkeypatch.setattr(getattr(command, {"train": "Run", "imitate": "Imitation"}[name]), "learn", lambda run: None)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [name, *options, "--scenario", "tight"])
+    with pytest.raises(SystemExit) as end:
+        sys.exit(ended(command.main))
+    said = str(end.value.code) + capsys.readouterr().err
+    assert "multiplies the wheels' speed limit by 0.1 already" in said
+    assert "it would be 0.1, 0.01 of nominal; add --wheel-scales 1" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_scenario_with_slow_wheels_is_trained_in_by_itself():
+    settings = TrainSettings(scenario="tight", wheel_scales=(1.0,))
+    (nominal,) = {s.wheels.max_speed[0] for s in settings.pool() if s.name == "microsat"}
+    assert nominal == 900.0  # the scenario makes it 90
+
+
+def test_training_starts_staggered(tmp_path):
+    task = train.Run(TrainSettings.from_dict(SMALL), tmp_path, resume=False, command="test")
+    task.env.reset()
+    ends = [task.env.step(np.zeros((16, 3), np.float32))[2].sum() for _ in range(300)]
+    assert max(ends) == 1
+    assert sum(ends) == 16
+    task.env.close()
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import gymnasium
 import numpy as np
@@ -287,3 +288,30 @@ def test_reset_options_do_not_outlive_their_episodes():
         *_, info = env.step(np.zeros((3, 3)))
     assert info["time"].tolist() == [0.0, 0.0, 0.0]
     assert (info["inertia_true"][:, 0, 0] > 3.0).all(), "microsats again"
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("threads", [1, 2])
+def test_two_threads_in_one_vector_are_told_so(threads):
+    env = SatInertiaIDVectorEnv(512, "microsat", num_threads=threads)
+    env.reset(seed=0)
+
+    def fly(_):
+        refused = []
+        for _ in range(100):
+            try:
+                env.step(np.zeros((512, 3), np.float32))
+            except RuntimeError as error:
+                refused.append(str(error))
+        return refused
+
+    with ThreadPoolExecutor(2) as pool:
+        refused = [text for texts in pool.map(fly, range(2)) for text in texts]
+    assert refused
+    assert {text.split(":")[0] for text in refused} == {
+        "two threads are in reset() or step() of one vector environment at once"
+    }
+    env.step(np.zeros((512, 3), np.float32))  # one at a time goes on
+    with pytest.raises(ValueError, match="must have shape"):
+        env.step(np.zeros((1, 3), np.float32))
+    env.step(np.zeros((512, 3), np.float32))  # what was refused has let go of it

@@ -1,9 +1,17 @@
 """The verdict on learned policies, with numbers worked out by hand."""
 
+import json
+import shutil
+import sys
+
 import pytest
 
-from agents.verdict import UNSEEN, benchmark_claims, needed_efficiency, tight_claims
+from agents import verdict
+from agents.readme import RESULTS
+from agents.verdict import CLOSED_LOOPS, UNSEEN, benchmark_claims, needed_efficiency, tight_claims
+from baselines.ending import ended
 from satid_gym import SATELLITES
+from satid_gym.policies import BASELINES, make_baseline
 from satid_gym.profiles import PROFILES
 
 
@@ -109,3 +117,100 @@ def test_the_unseen_satellite_lies_between_those_trained_on():
         assert small.inertia[i, i] < UNSEEN.inertia[i, i] < large.inertia[i, i]
     assert small.wheels.max_torque[0] < UNSEEN.wheels.max_torque[0] < large.wheels.max_torque[0]
     assert large.rate_limit < UNSEEN.rate_limit < small.rate_limit
+
+
+def test_the_rivals_are_the_closed_loops_of_the_registry():
+    kinds = {name: make_baseline(name, "cubesat").kind for name in BASELINES}
+    assert {name for name, kind in kinds.items() if kind == "closed_loop"} == set(CLOSED_LOOPS)
+
+
+# the command, on results that are not whole
+
+
+def judge(folder, capsys, monkeypatch):
+    """Exit code and standard error of `python -m agents.verdict --results FOLDER`; nothing may be flown."""
+
+    def flown(*_, **__):
+        raise AssertionError("work had begun")
+
+    monkeypatch.setattr(verdict, "fly", flown)
+    monkeypatch.setattr(sys, "argv", ["verdict", "--results", str(folder)])
+    code = ended(verdict.main)
+    return code, capsys.readouterr().err
+
+
+def kept(tmp_path, keep, *tables, name="compare"):
+    """A folder with the committed results, of whose tables (all where none is named) rows are left out."""
+    whole = json.loads((RESULTS / f"{name}.json").read_text())
+    for table in tables or ("records", "pairs", "bounds", "efficiencies"):
+        whole[table] = [row for row in whole[table] if keep(row)]
+    if name != "compare":
+        shutil.copy(RESULTS / "compare.json", tmp_path)
+    (tmp_path / f"{name}.json").write_text(json.dumps(whole))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("keep", "lacks"),
+    [
+        (lambda r: r["policy"] not in ("one_step", "mpc"), "without policies one_step, mpc: "),
+        (lambda r: r["policy"] != "generalist", "without policies generalist: "),
+        (lambda r: (r["satellite"], r["inertia_mode"]) != ("cubesat", "drift"), "without cells cubesat/drift: "),
+        (lambda r: (r["policy"], r["inertia_mode"]) != ("greedy", "step"), "without policies greedy: "),
+    ],
+)
+def test_a_smaller_comparison_is_refused_with_what_is_missing(keep, lacks, tmp_path, capsys, monkeypatch):
+    code, errors = judge(kept(tmp_path, keep), capsys, monkeypatch)
+    assert code == 2
+    assert errors.count("\n") == 1
+    assert lacks in errors
+    assert errors.endswith(f"run python -m agents.compare --scenario default --output {tmp_path}\n")
+
+
+@pytest.mark.parametrize(
+    ("table", "lacks"),
+    [
+        ("pairs", "pairs of a judged policy with a closed loop"),
+        ("efficiencies", "efficiencies of a judged policy"),
+    ],
+)
+def test_results_without_what_belongs_to_a_policy_are_refused(table, lacks, tmp_path, capsys, monkeypatch):
+    folder = kept(tmp_path, lambda r: r["policy"] != "generalist", table)
+    code, errors = judge(folder, capsys, monkeypatch)
+    assert (code, errors.count("\n")) == (2, 1)
+    assert f"without {lacks}: run" in errors
+
+
+def test_a_smaller_comparison_in_the_tight_scenario_is_refused_too(tmp_path, capsys, monkeypatch):
+    folder = kept(tmp_path, lambda r: r["policy"] != "chirp", name="compare_tight")
+    code, errors = judge(folder, capsys, monkeypatch)
+    assert (code, errors.count("\n")) == (2, 1)
+    assert "compare_tight.json is of a smaller comparison" in errors
+    assert "without policies chirp: run python -m agents.compare --scenario tight" in errors
+
+
+DAMAGED = {
+    "records": [5, None, [5], [{}], {"policy": "sine"}],
+    "pairs": ["none", [[]]],
+    "efficiencies": [True, [{"policy": 1}]],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in DAMAGED.items() for value in values])
+def test_damaged_results_are_refused_in_a_line(name, value, tmp_path, capsys, monkeypatch):
+    whole = json.loads((RESULTS / "compare.json").read_text())
+    (tmp_path / "compare.json").write_text(json.dumps({**whole, name: value}))
+    code, errors = judge(tmp_path, capsys, monkeypatch)
+    assert (code, errors.count("\n")) == (2, 1)
+    assert "compare.json is damaged: " in errors
+    assert name in errors
+
+
+@pytest.mark.parametrize("value", ["much", None, True, "10**400", float("nan")], ids=str)
+def test_a_score_that_is_no_number_is_refused_with_its_place(value, tmp_path, capsys, monkeypatch):
+    whole = json.loads((RESULTS / "compare.json").read_text())
+    whole["records"][7]["final_error_mean"] = 10**400 if value == "10**400" else value
+    (tmp_path / "compare.json").write_text(json.dumps(whole))
+    code, errors = judge(tmp_path, capsys, monkeypatch)
+    assert (code, errors.count("\n")) == (2, 1)
+    assert "final_error_mean in row 7 of records must be a finite number" in errors

@@ -1,4 +1,4 @@
-"""One episode of the comparison in full: the learned policy beside the best scripted one of the paper's eight."""
+"""One episode of the comparison in full, flown by every policy: any two of them can be seen side by side."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from agents.report.curves import rounded
 from agents.tables import inside
 from baselines.recording import Recording, record
+from satid_gym.estimators.settings import inertia_tensors
 from satid_gym.laws import InertiaLaw
 from satid_gym.policy import Policy
 from satid_gym.problem import resolve_satellites
@@ -32,7 +33,7 @@ def episode_cell(satellites: Sequence[str], modes: Sequence[str]) -> tuple[str, 
 
 
 def protagonists(records: Sequence[Record]) -> list[str]:
-    """Names of the policies to show, of the records of one cell: the best scripted, and the best learned.
+    """Names of the policies to show first, of the records of one cell: the best scripted, and the best learned.
 
     Who does not keep to the envelope is best only where no other of its kind does. Where no learned policy flew, the
     best closed loop stands in for it. Where only one of the two sides flew, it is shown alone; where neither did, the
@@ -45,23 +46,40 @@ def protagonists(records: Sequence[Record]) -> list[str]:
 
 
 def fly_episode(
-    policies: Sequence[Policy], *, satellite: str | Satellite, mode: str | InertiaLaw, seed: int, scenario: Scenario
+    policies: Sequence[Policy],
+    *,
+    satellite: str | Satellite,
+    mode: str | InertiaLaw,
+    seed: int,
+    scenario: Scenario,
+    shown: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Fly the episode of a seed with each policy; plain values, SI units, body frame unless said otherwise.
 
+    Args:
+        policies: who flies it.
+        satellite, mode, seed, scenario: which episode.
+        shown: names of the one or two policies that are seen first; the first of `policies` where none is named.
+
     Returns:
-        Limits, size and wheels of the satellite, and `flights`: of each policy, series of `time` (T,), `error` (T,),
-        `inertia`, `estimate` and `sigma` (3, T) of the moments, `rate` (3, T), `wheel_speed` (n, T), `momentum`
-        (3, T) and `attitude` (4, T), body to inertial, scalar last. A flight ends with its termination.
+        Limits, size and wheels of the satellite; `shown`; `time` (T,) and the moments of `inertia` (3, T), the same
+        for all; and `flights`: of each policy, series of `error` (T,), `estimate` and `sigma` (3, T) of the moments,
+        `rate` (3, T), `wheel_speed` (n, T), `momentum` (3, T) and `attitude` (4, T), body to inertial, scalar last.
+        A flight that is terminated ends there: its series are shorter than `time`.
     """
     (nominal,) = resolve_satellites(satellite)
     operated = scenario.operate(nominal)
     size = box(operated)[0] if operated.size is None else operated.size
+    ends = scenario.termination_factor * operated.rate_limit
     flights: list[dict[str, Any]] = []
+    common: dict[str, Any] = {"time": [], "inertia": []}
     for policy in policies:
         recording = record(policy, satellite=satellite, inertia=mode, seeds=[seed], scenario=scenario)
-        ends = scenario.termination_factor * operated.rate_limit
-        flights.append({"policy": policy.name, "kind": policy.kind, **_series(recording, ends)})
+        kept = _kept(recording, ends)
+        flights.append({"policy": policy.name, "kind": policy.kind, **_series(recording, kept)})
+        if len(flights[-1]["error"]) > len(common["time"]):  # the longest flight has seen most of the truth
+            moments = np.diagonal(recording.course.inertia[0], axis1=1, axis2=2)
+            common = {"time": rounded(recording.dt * kept, 6), "inertia": _rows(moments[kept], 6)}
     return {
         "satellite": operated.name,
         "inertia_mode": label(mode),
@@ -71,30 +89,34 @@ def fly_episode(
         "rate_limit": operated.rate_limit,
         "wheel_axes": operated.wheels.axes.T.tolist(),
         "wheel_speed_limit": operated.wheels.max_speed.tolist(),
+        "shown": list(shown) or [policies[0].name],
+        **common,
         "flights": flights,
     }
 
 
-def _series(recording: Recording, termination_rate: float) -> dict[str, Any]:
+def _kept(recording: Recording, termination_rate: float) -> np.ndarray:
+    """Places of the instants that are kept, up to the termination."""
+    rate = recording.course.rate[0]
+    over = np.flatnonzero(np.abs(rate).max(axis=1) > termination_rate)
+    end = int(over[0]) + 1 if len(over) else len(rate)
+    return np.arange(0, end, max(1, round(_INTERVAL / recording.dt)))
+
+
+def _series(recording: Recording, kept: np.ndarray) -> dict[str, Any]:
     course = recording.course
-    over = np.flatnonzero(np.abs(course.rate[0]).max(axis=1) > termination_rate)
-    end = int(over[0]) + 1 if len(over) else len(course.rate[0])
-    kept = slice(0, end, max(1, round(_INTERVAL / recording.dt)))
-    estimate, truth = np.zeros_like(course.inertia[0, kept]), course.inertia[0, kept]
-    moments = np.arange(3)
-    estimate[:, moments, moments] = recording.theta[0, kept]  # benchmark scenarios estimate principal moments
+    estimate, truth = inertia_tensors(recording.theta[0, kept]), course.inertia[0, kept]
+    moments = np.arange(3)  # the page draws these; of products of inertia only the error tells
     error = np.linalg.norm(estimate - truth, axis=(1, 2)) / np.linalg.norm(truth, axis=(1, 2))
-    sigma = np.sqrt(np.diagonal(recording.covariance[0, kept], axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(recording.covariance[0, kept, :3, :3], axis1=1, axis2=2))
     return {
-        "time": rounded(recording.dt * np.arange(end)[kept], 6),
         "error": rounded(error, 4),
-        "inertia": _rows(truth[:, moments, moments], 6),
-        "estimate": _rows(recording.theta[0, kept], 6),
+        "estimate": _rows(estimate[:, moments, moments], 6),
         "sigma": _rows(sigma),
         "rate": _rows(course.rate[0, kept], 4),
-        "wheel_speed": _rows(course.wheel_speed[0, kept], 4),
-        "momentum": _rows(course.momentum[0, kept], 4),
-        "attitude": _rows(recording.attitude[0, kept], 5),
+        "wheel_speed": _rows(course.wheel_speed[0, kept]),
+        "momentum": _rows(course.momentum[0, kept]),
+        "attitude": _rows(recording.attitude[0, kept], 4),
     }
 
 

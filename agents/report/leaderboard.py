@@ -22,6 +22,7 @@ _SCORES = (
     "effort",
     "saturated_fraction",
     "terminated_fraction",
+    "reward",
 )
 _REACHED = ("excitation_efficiency", "efficiency", "decision_ms")
 _INTERVALS = ("final_error_lo", "final_error_hi", "mean_error_lo", "mean_error_hi")

@@ -5,6 +5,7 @@ Files are read from `assets/`. The page asks for nothing from any network, and i
 
 from __future__ import annotations
 
+import html
 import json
 import string
 from collections.abc import Mapping
@@ -12,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from agents.report.leaderboard import ALL_MODES, leaderboard
-from satid_gym.files import read_json, write_text
+from agents.report.looks import place
+from agents.results import read_curves, read_results
+from satid_gym.files import write_text
 from satid_gym.metrics import MOST_BEYOND
 
 ASSETS = Path(__file__).parent / "assets"
@@ -22,6 +25,7 @@ _KEYS = {
     "results": (*_SAME_RUN, "versions", "records", "bounds", "efficiencies"),
     "curves": (*_SAME_RUN, "time", "curves", "bounds", "episode"),
 }
+_REMEDY = "run python -m agents.compare again"
 _FIRST_SHOWN = ("mpc", "rate_square")  # beside the learned and the best scripted
 
 
@@ -54,14 +58,13 @@ def rebuild(folder: Path, scenario: str) -> Path:
                 f"{folder / names[name]} is missing: run python -m agents.compare --scenario {scenario} "
                 f"--output {folder} first"
             )
-    results, curves = (
-        read_json(folder / names[name], "run python -m agents.compare again", keys=keys) for name, keys in _KEYS.items()
-    )
+    results = read_results(folder / names["results"], _REMEDY, keys=_KEYS["results"])
+    curves = read_curves(folder / names["curves"], _REMEDY, keys=_KEYS["curves"])
     differ = [name for name in _SAME_RUN if results[name] != curves[name]]
     if differ:
         raise ValueError(
             f"{names['results']} and {names['curves']} come from different comparisons (not the same {differ[0]}): "
-            "run python -m agents.compare again"
+            f"{_REMEDY}"
         )
     write_text(folder / names["page"], page(results, curves))
     return folder / names["page"]
@@ -73,6 +76,7 @@ def page(results: Mapping[str, Any], curves: Mapping[str, Any]) -> str:
     licence = (ASSETS / "plotly-LICENSE").read_text(encoding="utf-8")
     template = string.Template((ASSETS / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
+        scenario=html.escape(results["settings"]["scenario"]),
         style=(ASSETS / "page.css").read_text(encoding="utf-8"),
         plotly=f"/* plotly.js\n{licence}*/\n{plotly}",
         script="\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS),
@@ -89,7 +93,7 @@ def page_data(results: Mapping[str, Any], curves: Mapping[str, Any]) -> dict[str
         "satellites": satellites,
         "modes": modes,
         "most_beyond": MOST_BEYOND,
-        "policies": [{"name": name, "kind": kind} for name, kind in policies],
+        "policies": [{"name": name, "kind": kind, "place": place(name)} for name, kind in policies],
         "shown": first_shown(results),
         "cells": {
             satellite: {mode: leaderboard(results, satellite, mode) for mode in (*modes, ALL_MODES)}

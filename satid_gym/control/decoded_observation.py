@@ -87,7 +87,12 @@ class Belief:
 
     @classmethod
     def read(cls, observation: np.ndarray, layout: dict[str, slice], craft: Craft) -> Self:
-        """From observations (N, size) and what was known before the flight."""
+        """From observations (N, size) and what was known before the flight.
+
+        Raises:
+            ValueError: an observation is not finite; see `check_observation`.
+        """
+        check_observation(observation, layout)
         part = {name: observation[:, place].astype(float) for name, place in layout.items()}
         omega = part["rate"] * craft.rate_limit
         wheel_momentum = part["wheel_speed"] * craft.max_spin
@@ -100,6 +105,34 @@ class Belief:
             momentum=times(inertia, omega) + times(craft.axes, wheel_momentum),
             disturbance=part["disturbance"] * craft.disturbance_std,
         )
+
+
+def check_observation(observation: np.ndarray, layout: dict[str, slice]) -> None:
+    """Refuse observations that a policy would turn into torque that is not finite.
+
+    Args:
+        observation: (N, size), one row an episode.
+        layout: places of its parts by name.
+
+    Raises:
+        ValueError: there is no row for each episode, or a number is not finite; the message says in which rows and
+            parts.
+    """
+    if observation.ndim != 2:
+        raise ValueError(
+            f"policies take observations (N, size), one row an episode, got shape {observation.shape}; "
+            "for a single environment give observation[None] and take row 0 of the action"
+        )
+    finite = np.isfinite(observation)
+    if finite.all():
+        return
+    rows = np.flatnonzero(~finite.all(axis=1)).tolist()
+    parts = [name for name, place in layout.items() if not finite[:, place].all()] or ["what the layout does not name"]
+    raise ValueError(
+        f"the observation must be finite; episode rows {rows} are not, in {', '.join(parts)}: look at what changes "
+        "observations between environment and policy (the environment itself gives finite ones alone), and reset "
+        "these episodes"
+    )
 
 
 def times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:

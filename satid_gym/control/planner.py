@@ -69,7 +69,7 @@ class Planner:
             tachometer_noise_std=briefing.tachometer_noise_std * averaged,
         )
         self.beliefs = np.repeat(new_belief(briefing, settings), episodes)
-        self._work = new_work(satellite.wheels.count, settings)
+        self._work = new_work(self.beliefs)
         self._before: Belief | None = None
 
     def observe(self, observation: np.ndarray) -> Belief:

@@ -15,6 +15,8 @@ Numba also numbers the files of its cache, and two processes that compile at onc
 here a file is named by what it holds. And it numbers the types of records, and names compiled code by these numbers:
 kernels for two record types that two processes compiled could have one name, and a third process that loads both would
 call either for both. Here a record's number is made of what it holds.
+A cache that is damaged, full or nowhere to be kept costs time, never a run: see
+`KernelCache`.
 
 With NUMBA_DISABLE_JIT=1 in the environment the same code runs as plain Python, some hundred times slower: for
 debuggers, coverage and mutation testing.
@@ -24,13 +26,14 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import config, njit, types
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
@@ -144,9 +147,80 @@ def kernel(build: Callable[[str], Callable[..., Any]]) -> Any:
     function = build(SOURCE_FINGERPRINT)
     if config.DISABLE_JIT:
         return _interpreted(function)
-    compiled = njit(nogil=True, cache=True, **_FLAGS)(function)
-    compiled._cache._cache_file.__class__ = NamedByContent
+    compiled = njit(nogil=True, **_FLAGS)(function)
+    compiled._cache = _cache_of(function)
     return compiled
+
+
+def _cache_of(function: Callable[..., Any]) -> KernelCache | NoCache:
+    """The cache of a kernel, or none where no folder for it can be written."""
+    try:
+        return KernelCache(function)
+    except RuntimeError as error:
+        if "no locator available" not in str(error):
+            raise
+        return NoCache()
+
+
+_SECONDS = 20  # that the core takes to compile
+_said: set[str] = set()
+
+
+def _say(topic: str, text: str) -> None:
+    """Tell the user on standard error, once a process for each topic."""
+    if topic not in _said:
+        _said.add(topic)
+        print(f"satid-gym: {text}", file=sys.stderr, flush=True)
+
+
+class KernelCache(FunctionCache):
+    """Numba's cache of a kernel. Says when a kernel has to be compiled, and why where it was compiled before."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file.__class__ = NamedByContent
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The kernel as it was kept; None where it has to be compiled."""
+        try:
+            found = super().load_overload(sig, target_context)
+        except Exception as error:  # what does not unpickle may raise anything
+            _say_damaged(self._cache_file._index_path, error)
+            found = None
+        if found is None:
+            _say(
+                "compiling",
+                f"compiling its core for this machine, about {_SECONDS} s, once; "
+                "python -m satid_gym.warmup does it ahead of time",
+            )
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled kernel where that is possible; it can be called either way."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _say(
+                "unwritten",
+                f"what it compiled cannot be kept in {self.cache_path} ({error.strerror or error}), so the next "
+                "process compiles it again: make room there, or set NUMBA_CACHE_DIR to a folder that can be written",
+            )
+
+
+class NoCache(NullCache):
+    """In place of a kernel's cache where no folder for it can be written."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> None:
+        """None: it has to be compiled."""
+        _say(
+            "compiling",
+            f"compiling its core for this machine, about {_SECONDS} s, in every process: neither the installed package "
+            "nor the user's cache folder can be written; set NUMBA_CACHE_DIR to a folder that can",
+        )
+
+
+def _say_damaged(path: str, error: Exception) -> None:
+    _say(path, f"{path} or what it names is damaged ({type(error).__name__}: {error}); compiling that kernel again")
 
 
 class NamedByContent(IndexDataCacheFile):
@@ -154,6 +228,14 @@ class NamedByContent(IndexDataCacheFile):
 
     Where two processes save at once one entry may be missing from the index: it is compiled again, no more.
     """
+
+    def _load_index(self) -> dict[Any, str]:
+        """What the cache holds: nothing where its index is damaged, so that the next save replaces it."""
+        try:
+            return super()._load_index()
+        except Exception as error:  # what does not unpickle may raise anything
+            _say_damaged(self._index_path, error)
+            return {}
 
     def save(self, key: Any, data: Any) -> None:
         """Write the compiled code first and then the index that names it."""

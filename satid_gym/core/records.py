@@ -156,6 +156,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("adaptive", _I),
             ("first_walk", _F),  # per sqrt(s)
             ("least_walk", _F),  # below it the variance is estimated, not its logarithm
+            ("most_walk", _F),  # the fastest
             ("walk_drift", _F),  # variance that its parameter gains a second
             ("walk_parameter", _F),
             ("most_walk_parameter", _F),

@@ -32,7 +32,6 @@ _VARIANCE = 4.0  # of e before the first reading, and at most
 _RENEWAL = 0.002  # variance that e gains a second where theta does not walk
 _DOUBT = 2.0
 _LONGEST = 2.0  # change of e by one reading
-_FASTEST = 0.02  # walk, per sqrt(s)
 _PAUSE = 30.0  # s between two steps: where readings go on to be beyond belief, it is not the inertia
 _STEPPED = 40.0  # normalised innovation squared, of 3 degrees of freedom, that no walk explains: one in 1e8
 
@@ -41,7 +40,7 @@ _STEPPED = 40.0  # normalised innovation squared, of 3 degrees of freedom, that 
 def start(belief):
     """Before the first reading."""
     belief.walk_parameter = parameter(belief.first_walk, belief.least_walk)
-    belief.most_walk_parameter = parameter(_FASTEST, belief.least_walk)
+    belief.most_walk_parameter = parameter(belief.most_walk, belief.least_walk)
     belief.walk_parameter_variance = _VARIANCE
     belief.steps = 0
     belief.since_step = _PAUSE

@@ -11,17 +11,18 @@ from satid_gym.estimators.settings import (
     Briefing,
     EstimatorSettings,
     MomentumEKFSettings,
+    Parameters,
     RateEKFSettings,
     disturbance_walk,
+    estimated_parameters,
     gate_distance,
     inertia_parameters,
 )
 
 
-def state_size(settings: EstimatorSettings, wheels: int) -> int:
+def state_size(settings: EstimatorSettings, parameters: Parameters, wheels: int) -> int:
     """Length of the filter's state."""
-    p = PARAMETER_COUNT[settings.parameters]
-    return 3 + p + (wheels if isinstance(settings, RateEKFSettings) else 3)
+    return 3 + PARAMETER_COUNT[parameters] + (wheels if isinstance(settings, RateEKFSettings) else 3)
 
 
 def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
@@ -29,15 +30,17 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
     if isinstance(settings, AdaptiveEKFSettings):
         rows = new_belief(briefing, settings.momentum())
         rows["adaptive"], rows["first_walk"] = 1, settings.inertia_walk
-        rows["least_walk"], rows["walk_drift"] = settings.least_walk, settings.walk_drift
+        rows["least_walk"], rows["most_walk"] = settings.least_walk, settings.most_walk
+        rows["walk_drift"] = settings.walk_drift
         return rows
     wheels = briefing.wheels
-    n, p = wheels.count, PARAMETER_COUNT[settings.parameters]
-    rows = np.zeros(1, belief_dtype(n, p, state_size(settings, n)))
+    parameters = estimated_parameters(settings.parameters, briefing)
+    n, p = wheels.count, PARAMETER_COUNT[parameters]
+    rows = np.zeros(1, belief_dtype(n, p, state_size(settings, parameters, n)))
     row = rows[0]
     row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia
-    row["prior_theta"] = inertia_parameters(briefing.inertia, settings.parameters)
-    scale = row["theta_scale"] = briefing.theta_scale(settings.parameters)
+    row["prior_theta"] = inertia_parameters(briefing.inertia, parameters)
+    scale = row["theta_scale"] = briefing.theta_scale(parameters)
     row["substeps"] = 1
     if isinstance(settings, MomentumEKFSettings):
         row["kind"] = MOMENTUM
@@ -46,7 +49,7 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
         row["tachometer_std"] = briefing.tachometer_noise_std
         spin_std = wheels.inertia * briefing.tachometer_noise_std
         row["wheel_momentum_covariance"] = (wheels.axes * spin_std**2) @ wheels.axes.T
-        row["prior_theta_std"] = briefing.prior_theta_std(settings.parameters)
+        row["prior_theta_std"] = briefing.prior_theta_std(parameters)
         row["prior_torque_std"] = briefing.disturbance_std
         row["walk"][3 : 3 + p] = settings.inertia_walk * scale
         row["walk"][3 + p :] = disturbance_walk(settings, briefing)
@@ -63,7 +66,7 @@ def new_belief(briefing: Briefing, settings: EstimatorSettings) -> np.ndarray:
     return rows
 
 
-def new_work(wheels: int, settings: EstimatorSettings) -> np.ndarray:
-    """Scratch space for one thread."""
-    p = PARAMETER_COUNT[settings.parameters]
-    return np.zeros(1, work_dtype(wheels, p, state_size(settings, wheels)))
+def new_work(beliefs: np.ndarray) -> np.ndarray:
+    """Scratch space for one thread that works on such beliefs."""
+    n, p, size = (beliefs[name].shape[1] for name in ("wheel_inertia", "prior_theta", "mean"))
+    return np.zeros(1, work_dtype(n, p, size))

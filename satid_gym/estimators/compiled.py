@@ -61,8 +61,8 @@ class CompiledEKF:
         self._work: Any = None
 
     @property
-    def parameters(self) -> Parameters:
-        """ "principal" or "full"."""
+    def parameters(self) -> Parameters | None:
+        """ "principal", "full", or None: what the briefing needs."""
         return self.settings.parameters
 
     @property
@@ -134,7 +134,7 @@ class CompiledEKF:
 
     def _brief(self, briefing: Briefing) -> None:
         self._rows = new_belief(briefing, self.settings)
-        self._work = new_work(briefing.wheels.count, self.settings)
+        self._work = new_work(self._rows)
 
     def _started(self) -> np.void:
         if not len(self._rows):

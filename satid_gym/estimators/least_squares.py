@@ -25,7 +25,13 @@ from satid_gym.config import check_number, real_array, unknown_name
 from satid_gym.estimators.inertia_fit import InertiaFit, NotIdentifiedError
 from satid_gym.estimators.reference_model import tensor
 from satid_gym.estimators.regression import Regression
-from satid_gym.estimators.settings import PARAMETER_COUNT, Briefing, Parameters, inertia_parameters
+from satid_gym.estimators.settings import (
+    PARAMETER_COUNT,
+    Briefing,
+    Parameters,
+    estimated_parameters,
+    inertia_parameters,
+)
 
 __all__ = [
     "InertiaFit",
@@ -43,7 +49,7 @@ def differentiated(
     wheel_speed: np.ndarray,
     dt: float,
     *,
-    parameters: Parameters = "principal",
+    parameters: Parameters | None = None,
     wheel_acceleration: np.ndarray | None = None,
     huber_scale: float = 1.0,
 ) -> InertiaFit:
@@ -57,7 +63,7 @@ def differentiated(
         gyro: (N, 3) rad/s.
         wheel_speed: (N, n) rad/s.
         dt: s between readings.
-        parameters: "principal" or "full".
+        parameters: "principal", "full", or None: what the briefing needs.
         wheel_acceleration: (N, n) rad/s^2 at the readings, as the motors' drive reports it; central differences
             of the wheel speeds where None, which cancels most of the error of those of the rates.
         huber_scale: rad/s^2, residual from which on the loss is linear.
@@ -66,6 +72,7 @@ def differentiated(
         NotIdentifiedError: the data do not identify the inertia about some axis; the message says which.
         ValueError: a shape or a value is wrong.
     """
+    parameters = estimated_parameters(parameters, briefing)
     gyro, wheel_speed, dt = _readings(briefing, gyro, wheel_speed, dt, parameters)
     spin = briefing.wheels.axes * briefing.wheels.inertia
     if wheel_acceleration is None:
@@ -87,7 +94,7 @@ def momentum_form(
     wheel_speed: np.ndarray,
     dt: float,
     *,
-    parameters: Parameters = "principal",
+    parameters: Parameters | None = None,
     constant_torque: bool = False,
 ) -> InertiaFit:
     """Conservation of momentum, solved by linear least squares.
@@ -97,13 +104,14 @@ def momentum_form(
         gyro: (N, 3) rad/s.
         wheel_speed: (N, n) rad/s.
         dt: s between readings; the error of the attitude goes with the square of the angle turned in it.
-        parameters: "principal" or "full".
+        parameters: "principal", "full", or None: what the briefing needs.
         constant_torque: whether an unknown external torque, constant in the body frame, is estimated as well.
 
     Raises:
         NotIdentifiedError: the data do not identify the inertia about some axis; the message says which.
         ValueError: a shape or a value is wrong.
     """
+    parameters = estimated_parameters(parameters, briefing)
     return _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque).linear()
 
 
@@ -113,7 +121,7 @@ def instrumental_variable(
     wheel_speed: np.ndarray,
     dt: float,
     *,
-    parameters: Parameters = "principal",
+    parameters: Parameters | None = None,
     constant_torque: bool = False,
 ) -> InertiaFit:
     """`momentum_form` with the mean rate of the two neighbouring samples as the instrument.
@@ -121,6 +129,7 @@ def instrumental_variable(
     Consistent under white gyro noise, however strong. It needs motion that lasts for several samples.
     Arguments and errors are those of `momentum_form`.
     """
+    parameters = estimated_parameters(parameters, briefing)
     rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
     gyro, attitude = real_array("gyro", gyro), rows.attitude
     assert attitude is not None
@@ -136,13 +145,14 @@ def output_error(
     wheel_speed: np.ndarray,
     dt: float,
     *,
-    parameters: Parameters = "principal",
+    parameters: Parameters | None = None,
     constant_torque: bool = False,
 ) -> InertiaFit:
     """Least distance between measured rates and those that wheel speeds and momentum predict.
 
     Arguments and errors are those of `momentum_form`.
     """
+    parameters = estimated_parameters(parameters, briefing)
     rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
     flexibility = np.linalg.inv(tensor(rows.start))
     weight = np.linalg.inv(np.linalg.cholesky(flexibility @ rows.noise(rows.start) @ flexibility))

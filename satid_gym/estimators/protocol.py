@@ -23,15 +23,19 @@ class Estimator(Protocol):
     (whether the gyro's last reading was accepted, wheel speeds (n,) to go by). Without an accepted reading of the gyro
     it shows the estimator's own rate. Info's `guarded` and `rejected` stay 0.
 
+    An attribute `settings` with settings of the library is what a policy's mission says of it; without it, the defaults
+    of its coordinates.
+
     Attributes:
         coordinates: "momentum" or "rate".
-        parameters: "principal" (p = 3) or "full" (p = 6).
+        parameters: "principal" (p = 3), "full" (p = 6), or None: what the briefing given to `reset` says is needed
+            (`Briefing.needed_parameters`).
         mean: (size,) state.
         covariance: (size, size).
     """
 
     coordinates: Literal["momentum", "rate"]
-    parameters: Parameters
+    parameters: Parameters | None
 
     @property
     def mean(self) -> np.ndarray:

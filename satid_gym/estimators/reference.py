@@ -24,8 +24,8 @@ class Reference:
         self.filter: Any = None  # filterpy's, which carries no types
 
     @property
-    def parameters(self) -> Parameters:
-        """ "principal" or "full"."""
+    def parameters(self) -> Parameters | None:
+        """ "principal", "full", or None: what the briefing needs."""
         return self.settings.parameters
 
     @property
@@ -47,19 +47,19 @@ class FilterpyMomentumEKF(Reference):
     """
 
     coordinates: Literal["momentum"] = "momentum"
-    settings: MomentumEKFSettings
 
     def __init__(self, **settings: object) -> None:
-        super().__init__(MomentumEKFSettings.from_dict(settings))
+        self.momentum = MomentumEKFSettings.from_dict(settings)
+        super().__init__(self.momentum)
         self._vetting: Vetting | None = None
 
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
-        self.model = MomentumModel(self.settings, briefing)
+        self.model = MomentumModel(self.momentum, briefing)
         self.filter = self._new_filter()
         self.filter.x, self.filter.P = self.model.start(gyro, wheel_speed)
         self._a = self.model.spin @ wheel_speed
-        self._vetting = Vetting(self.model, gyro, wheel_speed) if self.settings.gate > 0.0 else None
+        self._vetting = Vetting(self.model, gyro, wheel_speed) if self.momentum.gate > 0.0 else None
 
     def command(self, torque: np.ndarray) -> None:
         """Take note of the motor torque (n,) commanded from now on, N m; wheels without tachometer follow it."""
@@ -83,7 +83,7 @@ class FilterpyMomentumEKF(Reference):
             self._a = self._a + shift
             wheel_speed = vetting.speed
         start, end = self._a, self.model.spin @ wheel_speed
-        steps = self.settings.substeps
+        steps = self.momentum.substeps
         h = dt / steps
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
@@ -146,8 +146,8 @@ class FilterpyMomentumUKF(FilterpyMomentumEKF):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(**settings)
-        if self.settings.gate > 0.0:
-            raise ValueError(f"FilterpyMomentumUKF has no gate: it must be 0, got {self.settings.gate}")
+        if self.momentum.gate > 0.0:
+            raise ValueError(f"FilterpyMomentumUKF has no gate: it must be 0, got {self.momentum.gate}")
 
     def _new_filter(self) -> UnscentedKalmanFilter:
         size = self.model.size

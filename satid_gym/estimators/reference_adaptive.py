@@ -18,12 +18,13 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
     def __init__(self, **settings: object) -> None:
         self.adaptation = AdaptiveEKFSettings.from_dict(settings)
         super().__init__(**self.adaptation.momentum().to_dict())
+        self.settings = self.adaptation
 
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
         super().reset(briefing, gyro, wheel_speed)
         p = self.model.p
-        self._scale = briefing.theta_scale(self.settings.parameters)
+        self._scale = briefing.theta_scale(self.model.parameters)
         self._e, self._variance = self._parameter(self.adaptation.inertia_walk), 4.0
         self._theta_slope, self._covariance_slope = np.zeros(p), np.zeros((p, p))
         self.steps, self._since_step = 0, 30.0
@@ -72,4 +73,4 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         self._theta_slope, self._covariance_slope = kept @ (t + d @ u), kept @ d @ kept.T
         self._variance = 1.0 / (1.0 / self._variance + information)
         e = self._e + np.clip(self._variance * score, -2.0, 2.0)
-        self._e = float(np.clip(e, -1.0, self._parameter(0.02)))
+        self._e = float(np.clip(e, -1.0, self._parameter(self.adaptation.most_walk)))

@@ -90,7 +90,7 @@ class Vetting:
         if not self.confirmed:
             return None
         way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
-        change = (0.1 * model.briefing.theta_scale(model.settings.parameters)) ** 2
+        change = (0.1 * model.briefing.theta_scale(model.parameters)) ** 2
         kf.P[: 3 + p, : 3 + p] += way * change @ way.T
         return 0.0
 

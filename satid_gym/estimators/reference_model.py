@@ -13,6 +13,7 @@ from satid_gym.estimators.settings import (
     Briefing,
     MomentumEKFSettings,
     disturbance_walk,
+    estimated_parameters,
     inertia_parameters,
 )
 
@@ -45,7 +46,8 @@ class MomentumModel:
 
     def __init__(self, settings: MomentumEKFSettings, briefing: Briefing) -> None:
         self.settings, self.briefing = settings, briefing
-        self.p = PARAMETER_COUNT[settings.parameters]
+        self.parameters = estimated_parameters(settings.parameters, briefing)
+        self.p = PARAMETER_COUNT[self.parameters]
         self.size = self.p + 6
         wheels = briefing.wheels
         self.spin = wheels.axes * wheels.inertia
@@ -53,7 +55,7 @@ class MomentumModel:
         self.walk = np.concatenate(
             [
                 np.zeros(3),
-                settings.inertia_walk * briefing.theta_scale(settings.parameters),
+                settings.inertia_walk * briefing.theta_scale(self.parameters),
                 np.full(3, disturbance_walk(settings, briefing)),
             ]
         )
@@ -64,7 +66,7 @@ class MomentumModel:
 
     def start(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance after the first reading: theta and tau at their priors, M as the reading says."""
-        briefing, parameters = self.briefing, self.settings.parameters
+        briefing, parameters = self.briefing, self.parameters
         mean = np.concatenate([np.zeros(3), inertia_parameters(briefing.inertia, parameters), np.zeros(3)])
         std = [np.zeros(3), briefing.prior_theta_std(parameters), np.full(3, briefing.disturbance_std)]
         covariance = np.diag(np.concatenate(std) ** 2)

@@ -9,7 +9,13 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from satid_gym.estimators.reference import Reference
 from satid_gym.estimators.reference_model import regressor, skew, tensor
-from satid_gym.estimators.settings import PARAMETER_COUNT, Briefing, RateEKFSettings, inertia_parameters
+from satid_gym.estimators.settings import (
+    PARAMETER_COUNT,
+    Briefing,
+    RateEKFSettings,
+    estimated_parameters,
+    inertia_parameters,
+)
 
 
 class FilterpyRateEKF(Reference):
@@ -28,9 +34,10 @@ class FilterpyRateEKF(Reference):
     def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
         s, wheels = self.settings, briefing.wheels
-        self.p, self.n = PARAMETER_COUNT[s.parameters], wheels.count
+        parameters = estimated_parameters(s.parameters, briefing)
+        self.p, self.n = PARAMETER_COUNT[parameters], wheels.count
         self.spin = wheels.axes * wheels.inertia
-        theta = inertia_parameters(briefing.inertia, s.parameters)
+        theta = inertia_parameters(briefing.inertia, parameters)
         kf = self.filter = ExtendedKalmanFilter(dim_x=3 + self.p + self.n, dim_z=3 + self.n)
         kf.x = np.concatenate([gyro, theta, wheel_speed])
         counts = (3, self.p, self.n)

@@ -16,6 +16,7 @@ from satid_gym.scenario import Scenario
 Parameters = Literal["principal", "full"]
 PARAMETER_COUNT: dict[Parameters, int] = {"principal": 3, "full": 6}
 PRODUCTS = ((0, 1), (0, 2), (1, 2))  # rows and columns of parameters 4 to 6
+LEAST_PRODUCT = 3e-5  # of the geometric mean of two moments: below it a filter of three moments stays consistent
 
 _MOST_SUBSTEPS = 1000
 _LEAST_STD = 1e-9  # a sensor said to be noiseless is believed this far
@@ -27,6 +28,28 @@ def inertia_parameters(tensor: np.ndarray, parameters: Parameters) -> np.ndarray
     if parameters == "full":
         theta += [tensor[..., i, j] for i, j in PRODUCTS]
     return np.stack(theta, axis=-1)
+
+
+def inertia_tensors(theta: np.ndarray) -> np.ndarray:
+    """Tensors (..., 3, 3) of inertia parameters theta (..., p); the products that p = 3 leaves out are 0."""
+    tensor = np.zeros((*theta.shape[:-1], 3, 3))
+    for i in range(3):
+        tensor[..., i, i] = theta[..., i]
+    for k, (i, j) in enumerate(PRODUCTS[: theta.shape[-1] - 3]):
+        tensor[..., i, j] = tensor[..., j, i] = theta[..., 3 + k]
+    return tensor
+
+
+def products_of_inertia(tensor: np.ndarray, moments: np.ndarray) -> str:
+    """The products of inertia that a filter of three moments would miss, in words; "" where there are none.
+
+    Args:
+        tensor: (3, 3) kg m^2, body frame.
+        moments: (3,) kg m^2 about the body axes, that products are compared with.
+    """
+    found = [(i, j) for i, j in PRODUCTS if abs(tensor[i, j]) > LEAST_PRODUCT * np.sqrt(moments[i] * moments[j])]
+    names = ", ".join(f"J{'xyz'[i]}{'xyz'[j]} = {tensor[i, j]:.4g}" for i, j in found)
+    return f"{names} kg m^2" if found else ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,6 +65,7 @@ class Briefing(Config):
         tachometer_noise_std: rad/s per sample.
         disturbance_std: N m, of the unknown torque about each axis.
         disturbance_walk: N m per sqrt(s), how fast that torque may wander.
+        parameters: what is to be estimated, "principal" or "full"; None: see `needed_parameters`.
 
     Raises:
         ValueError: a value is out of range, or the prior inertia is not that of a rigid body.
@@ -55,6 +79,7 @@ class Briefing(Config):
     tachometer_noise_std: float
     disturbance_std: float
     disturbance_walk: float = 0.0
+    parameters: Parameters | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,6 +97,13 @@ class Briefing(Config):
         """Whether the gyro has noise of its own, by which a reading that repeats itself gives itself away."""
         return self.gyro_noise_std > _LEAST_STD
 
+    @property
+    def needed_parameters(self) -> Parameters:
+        """What a filter estimates that was not told: as asked for, else "full" where the inertia has products."""
+        if self.parameters is not None:
+            return self.parameters
+        return "full" if products_of_inertia(self.inertia, np.diag(self.inertia)) else "principal"
+
     def theta_scale(self, parameters: Parameters) -> np.ndarray:
         """(p,) moments, and geometric means of two of them for the products."""
         moments = np.diag(self.inertia)
@@ -84,8 +116,21 @@ class Briefing(Config):
         return self.theta_scale(parameters) * np.array([self.prior_std] * 3 + [self.product_std] * count)
 
 
-def brief(satellite: Satellite, scenario: Scenario) -> Briefing:
-    """What is known of a satellite in a scenario: nominal values and data sheets."""
+def estimated_parameters(given: Parameters | None, briefing: Briefing) -> Parameters:
+    """What an estimator estimates whose setting `parameters` is `given`: None is what the briefing needs."""
+    return briefing.needed_parameters if given is None else given
+
+
+def brief(satellite: Satellite, scenario: Scenario, parameters: Parameters | None = None) -> Briefing:
+    """What is known of a satellite in a scenario: nominal values and data sheets.
+
+    Args:
+        satellite: nominal.
+        scenario: the world.
+        parameters: what is to be estimated; None: what the satellite and the scenario's `tilt_std` need.
+    """
+    if parameters is None and scenario.tilt_std > 0.0:
+        parameters = "full"
     scale = scenario.prior_scale.get(satellite.name, scenario.prior_scale.get("*", 1.0))
     operating = scenario.operate(satellite)
     return Briefing(
@@ -97,6 +142,7 @@ def brief(satellite: Satellite, scenario: Scenario) -> Briefing:
         tachometer_noise_std=operating.tachometer_noise_std,
         disturbance_std=operating.disturbance_std,
         disturbance_walk=_disturbance_walk(operating, scenario),
+        parameters=parameters,
     )
 
 
@@ -127,7 +173,8 @@ class MomentumEKFSettings(Config):
 
     Attributes:
         name: "momentum".
-        parameters: "principal" for 3 moments along the body axes, "full" for all 6 of the tensor.
+        parameters: "principal" for 3 moments along the body axes, "full" for all 6 of the tensor; None is "full" where
+            a satellite, the inertia law or `tilt_std` has products of inertia about the body axes, else "principal".
         inertia_walk: random walk of each moment relative to its prior, per sqrt(s).
         disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the
             briefing's.
@@ -137,7 +184,7 @@ class MomentumEKFSettings(Config):
     """
 
     name: Literal["momentum"] = "momentum"
-    parameters: Parameters = "principal"
+    parameters: Parameters | None = None
     inertia_walk: float = 0.004
     disturbance_walk: float | None = None
     substeps: int = 1
@@ -163,7 +210,7 @@ class RateEKFSettings(Config):
 
     Attributes:
         name: "rate".
-        parameters: "principal" or "full".
+        parameters: as for the MomentumEKF.
         gyro_std: measurement noise it assumes, rad/s.
         wheel_speed_std: likewise of the wheel speeds, rad/s.
         rate_walk: process noise, rad/s per sqrt(s).
@@ -175,7 +222,7 @@ class RateEKFSettings(Config):
     """
 
     name: Literal["rate"] = "rate"
-    parameters: Parameters = "principal"
+    parameters: Parameters | None = None
     gyro_std: float = 1e-3
     wheel_speed_std: float = 1.0
     rate_walk: float = 1e-3
@@ -199,19 +246,22 @@ class AdaptiveEKFSettings(Config):
 
     Attributes:
         name: "adaptive".
-        parameters: "principal" or "full".
+        parameters: as for the MomentumEKF.
         inertia_walk: random walk of each moment relative to its prior, per sqrt(s), that it begins with.
         least_walk: the slowest that matters, per sqrt(s): below it the variance is estimated instead of its logarithm,
             which may be 0.
+        most_walk: the fastest that is believed, per sqrt(s): an inertia that varies faster is followed too slowly, and
+            the covariance is then too small.
         walk_drift: variance by which the logarithm of the walk's variance may wander a second.
         disturbance_walk: as for the MomentumEKF.
         substeps: midpoint steps between two readings.
     """
 
     name: Literal["adaptive"] = "adaptive"
-    parameters: Parameters = "principal"
+    parameters: Parameters | None = None
     inertia_walk: float = 0.0015
     least_walk: float = 0.0001
+    most_walk: float = 0.02
     walk_drift: float = 0.05
     disturbance_walk: float | None = None
     substeps: int = 1
@@ -219,7 +269,14 @@ class AdaptiveEKFSettings(Config):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.momentum()
+        check_number("most_walk", self.most_walk, strict=True)
         check_number("least_walk", self.least_walk, strict=True)
+        for name in ("inertia_walk", "least_walk"):
+            if getattr(self, name) > self.most_walk:
+                raise ValueError(
+                    f"{name} of the AdaptiveEKF must be at most most_walk, {self.most_walk:g}, got "
+                    f"{getattr(self, name):g}: raise most_walk as well for an inertia that walks faster"
+                )
         check_number("walk_drift", self.walk_drift)
 
     def momentum(self) -> MomentumEKFSettings:

@@ -72,7 +72,7 @@ class _Transition:
         # its tachometer noise counts for the whole of dt, which the factor makes up for.
         self.steps, self.h = settings.substeps, dt / settings.substeps
         self.rows = new_belief(briefing, settings)
-        self.work = new_work(briefing.wheels.count, settings)
+        self.work = new_work(self.rows)
         self.rows["substeps"] = 1
         self.rows["wheel_momentum_covariance"] *= self.steps
         self.spin = briefing.wheels.axes * briefing.wheels.inertia

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,8 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from satid_gym.config import check_flag, unknown_name
+from satid_gym.config import check_flag, check_number, unknown_name
+from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policy import Kind, Mission
@@ -108,8 +108,7 @@ class LearnedPolicy:
     ) -> None:
         if control not in CONTROLS:
             raise unknown_name("control of a learned policy", control, CONTROLS)
-        if not 0.0 <= margin < math.inf:
-            raise ValueError(f"margin of a learned policy must be finite and at least 0, got {margin}")
+        margin = check_number("margin of a learned policy", margin)
         if control == "rate" and network.weights[-1].shape[0] != 3:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
         check_name(name)
@@ -133,10 +132,15 @@ class LearnedPolicy:
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
-        self._loop = RateLoop([mission], self.margin)
+        self._loop, self._layout = RateLoop([mission], self.margin), mission.layout
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Action (N, n)."""
+        """Action (N, n).
+
+        Raises:
+            ValueError: the observation is not finite, or has not one row an episode.
+        """
+        check_observation(observation, self._layout)
         command = self.network(observation)
         if self.control == "torque":
             return np.clip(command, -1.0, 1.0)
@@ -157,7 +161,7 @@ class LearnedPolicy:
 
         Raises:
             FileNotFoundError: one of the two files is missing.
-            ValueError: a file is damaged, of another format, or holds what no policy has.
+            ValueError: a file is damaged, of another format, without the checksum, or holds what no policy has.
         """
         base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
         tensors, text = _beside(base, ".safetensors"), _beside(base, ".json")
@@ -166,11 +170,11 @@ class LearnedPolicy:
                 raise FileNotFoundError(f"no policy at {base}: {file} is missing; a policy is a pair of files")
             if file.stat().st_size > LARGEST:
                 raise ValueError(f"{file} has {file.stat().st_size} bytes, a policy at most {LARGEST}")
-        head = read_json(text, "copy the policy again", keys=["format"])
+        head = read_json(text, "copy the policy again", keys=["format", "sha256"])
         if head["format"] != FORMAT:
             raise ValueError(f"{text} is not a policy of format {FORMAT}; train it again with this version")
         content = tensors.read_bytes()
-        if head.get("sha256") not in (None, hashlib.sha256(content).hexdigest()):
+        if head["sha256"] != hashlib.sha256(content).hexdigest():
             raise ValueError(f"{tensors} is damaged or not of {text.name}: its checksum differs; copy both again")
         details = {name: value for name, value in head.items() if name not in _HEAD}
         try:
@@ -178,7 +182,7 @@ class LearnedPolicy:
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
-            own = (head["name"], network, head["control"], float(head["margin"]), head.get("include_covariance", False))
+            own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
             return cls(*own, details)
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

@@ -51,6 +51,9 @@ def draw_configuration(chance: Random, group: Group) -> Configuration:
     """A valid configuration of a group."""
     satellite = _satellite(chance, group.wheels)
     scenario = _scenario(chance, satellite)
+    if group.parameters == "principal":  # which is refused where there are products of inertia
+        satellite["inertia"] = np.diag(np.linalg.eigvalsh(satellite["inertia"])).tolist()
+        scenario["tilt_std"] = 0.0
     settings = {
         "satellite": satellite,
         "inertia": _law(chance, scenario),
@@ -238,10 +241,12 @@ def _estimator(chance: Random, group: Group, satellite: Settings) -> Settings:
             "gate": chance.choice((0.0, 0.0, 1e-6, 1e-2)),
         }
     if group.estimator == "adaptive":
+        first, least = _or(chance, 0.0, _log(chance, 1e-5, 0.1)), _log(chance, 1e-6, 0.1)
         return {
             **common,
-            "inertia_walk": _or(chance, 0.0, _log(chance, 1e-5, 0.1)),
-            "least_walk": _log(chance, 1e-6, 0.1),
+            "inertia_walk": first,
+            "least_walk": least,
+            "most_walk": max(first, least, 0.02),
             "walk_drift": _or(chance, 0.0, _log(chance, 1e-4, 10.0)),
             "disturbance_walk": chance.choice((None, 0.0, 1e-3, 0.1)),
             "substeps": chance.choice((1, 1, 2, 5)),

@@ -164,7 +164,8 @@ function showTradeOff(id, key, scale, title, line) {
         `<b>${p.row.policy}</b><br>final error %{y:.3g} %<br>${title} ${digits3(scale * p.row[key])}<extra></extra>`,
     })),
   ];
-  const ticks = decades(least / 1.01, right, [1]);
+  const powers = decades(least / 1.01, right, [1]);
+  const ticks = powers.tickvals.length > 2 ? powers : decades(least / 1.01, right);
   const steps = Math.ceil(ticks.tickvals.length / 6);
   const kept = ticks.tickvals.filter((_, i) => (ticks.tickvals.length - 1 - i) % steps === 0);
   const hasZero = points.some((p) => p.row[key] === 0);
@@ -218,7 +219,7 @@ function label(point, [dx, dy]) {
   };
 }
 
-const shortNumber = (value) => (value < 0.01 ? `10<sup>${Math.round(Math.log10(value))}</sup>` : String(value));
+const shortNumber = (value) => (value < 0.01 && /^1e|^0\.0*1$/.test(value) ? `10<sup>${Math.round(Math.log10(value))}</sup>` : String(value));
 
 function showTradeOffs() {
   showTradeOff("effort-chart", "effort", 1, "effort (mean square of command)");

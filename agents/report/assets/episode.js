@@ -5,6 +5,11 @@ const AXIS_COLOURS = ["vermillion", "green", "blue"];
 const AXIS_DASHES = ["solid", "dash", "dot"];
 const WHEEL_COLOURS = ["vermillion", "green", "blue", "purple", "orange", "sky"];
 const episode = data.episode;
+for (const flight of episode.flights) { // the truth is the same for all, as far as they fly
+  flight.time = episode.time.slice(0, flight.error.length);
+  flight.inertia = episode.inertia.map((row) => row.slice(0, flight.error.length));
+}
+const flights = () => chosen.pilots.map((name) => episode.flights.find((f) => f.policy === name));
 
 const lineOf = (i, width = 1.8) => ({ color: colour(AXIS_COLOURS[i]), width });
 
@@ -23,13 +28,13 @@ function band(time, low, high, name, others = {}) {
 }
 
 /** Three panels above each other, one for each body axis, with a common time axis. */
-function stacked(traces, range, unit) {
+function stacked(traces, range, unit, others = {}) {
   const figure = layout({ height: 400, hovermode: "x unified", xaxis: { ...timeAxis(), anchor: "y3" } });
   AXES.forEach((axis, i) => {
     const domain = [(2 - i) / 3 + 0.02, (3 - i) / 3 - 0.02];
     figure[`yaxis${i ? i + 1 : ""}`] = {
       ...figure.yaxis, domain, range, title: { text: axis, standoff: 4, font: { color: colour(AXIS_COLOURS[i]) } },
-      nticks: 4, zeroline: true,
+      nticks: 4, zeroline: true, ...others,
     };
   });
   return [traces.map((trace) => ({ hovertemplate: `%{y:.3g} ${unit}`, ...trace })), figure];
@@ -57,19 +62,36 @@ function momentsFigure(flight, range) {
   return [traces.map((trace) => ({ hovertemplate: "%{y:.4g} kg m\u00b2", ...trace })), figure];
 }
 
+/** Estimate less truth of a moment, in the standard deviations that the filter believes. */
+const inSigmas = (flight, i) => flight.estimate[i].map((value, k) => (value - flight.inertia[i][k]) / flight.sigma[i][k]);
+
+/** Height at which a number of standard deviations is drawn: linear up to 3, which is 1, logarithmic beyond. */
+const symlog = (x) => (Math.abs(x) <= 3 ? x / 3 : Math.sign(x) * (1 + Math.log10(Math.abs(x) / 3)));
+
 function deviationFigure(flight, most) {
   const traces = AXES.flatMap((axis, i) => {
-    const of = (value) => flight.inertia[i].map((truth, k) => (100 * value(k)) / truth);
-    const sigma = of((k) => 3 * flight.sigma[i][k]);
+    const sigmas = inSigmas(flight, i);
     return [
-      band(flight.time, sigma.map((s) => -s), sigma, AXIS_COLOURS[i], ofAxis(i)),
+      band([0, episode.horizon], [-1, -1], [1, 1], AXIS_COLOURS[i], { ...ofAxis(i), fillcolor: translucent(AXIS_COLOURS[i], colour("band")) }),
       {
-        x: flight.time, y: of((k) => flight.estimate[i][k] - flight.inertia[i][k]), name: axis,
+        x: flight.time, y: sigmas.map(symlog), customdata: sigmas, hovertemplate: "%{customdata:.2f} \u03c3", name: axis,
         line: lineOf(i, 1.5), mode: "lines", ...ofAxis(i),
       },
     ];
   });
-  return stacked(traces, [-most, most], "%");
+  const powers = Array.from({ length: Math.max(0, Math.floor(most - 1 + 1e-9)) }, (_, k) => 3 * 10 ** (k + 1));
+  const ticks = [...powers.map((x) => -x).reverse(), -3, 0, 3, ...powers];
+  const range = [-most - 0.2, most + 0.2];
+  return stacked(traces, range, "", { tickmode: "array", tickvals: ticks.map(symlog), ticktext: ticks.map(String) });
+}
+
+/** In words: the share of the instants at which each moment's error is within three standard deviations. */
+function withinThree(flight) {
+  const shares = AXES.map((axis, i) => {
+    const sigmas = inSigmas(flight, i);
+    return `${axis} ${((100 * sigmas.filter((s) => Math.abs(s) <= 3).length) / sigmas.length).toFixed(1)}\u00a0%`;
+  });
+  return `within three standard deviations: ${shares.join(", ")} of the time`;
 }
 
 function ratesFigure(flight) {
@@ -81,7 +103,7 @@ function ratesFigure(flight) {
     })),
     { x: flight.time, y: flight.rate[i].map((r) => 1e3 * r), name: axis, line: lineOf(i, 1.3), mode: "lines", ...ofAxis(i) },
   ]);
-  const most = Math.max(limit, ...episode.flights.flatMap((f) => f.rate.flat().map((r) => 1e3 * Math.abs(r))));
+  const most = Math.max(limit, ...flights().flatMap((f) => f.rate.flat().map((r) => 1e3 * Math.abs(r))));
   return stacked(traces, [-1.12 * most, 1.12 * most], "mrad/s");
 }
 
@@ -99,38 +121,42 @@ function wheelsFigure(flight) {
     })),
   ];
   const yaxis = { title: { text: "speed, rad/s" }, range: [-1.12 * most, 1.12 * most] };
-  const figure = layout({ height: 300, hovermode: "x unified", xaxis: timeAxis(), yaxis });
+  const margin = { l: 62, r: 18, t: 28, b: 46 };
+  const figure = layout({ height: 318, margin, hovermode: "x unified", xaxis: timeAxis(), yaxis });
   const names = flight.wheel_speed.map(
     (_, k) => `<span style="color:${colour(WHEEL_COLOURS[k % WHEEL_COLOURS.length])}">wheel ${k + 1}</span>`,
   );
   figure.annotations = [
-    { x: 0.01, y: 0.93, xref: "paper", yref: "paper", text: names.join("   "), showarrow: false, xanchor: "left", yanchor: "top" },
+    { x: 0, y: 1, xref: "paper", yref: "paper", text: names.join("   "), showarrow: false, xanchor: "left", yanchor: "bottom" },
   ];
   return [traces, figure];
 }
 
 function showEpisode() {
-  const low = Math.min(...episode.flights.flatMap((f) => f.inertia.flat()));
-  const high = Math.max(...episode.flights.flatMap((f) => f.inertia.flat()));
+  const low = Math.min(...episode.inertia.flat());
+  const high = Math.max(...episode.inertia.flat());
   const range = [low - 0.25 * (high - low), high + 0.15 * (high - low)];
-  const late = (f) => f.time.findIndex((t) => t >= Math.min(30, episode.horizon / 3));
-  const spread = episode.flights.flatMap((f) =>
-    AXES.flatMap((_, i) => f.sigma[i].slice(late(f)).map((s, k) => (300 * s) / f.inertia[i][k + late(f)])),
-  );
-  const most = 1.15 * Math.max(...spread);
+  const heights = flights().flatMap((f) => AXES.flatMap((_, i) => inSigmas(f, i).map((s) => Math.abs(symlog(s)))));
+  const most = Math.max(1, ...heights);
   const kinds = [
     ["Moments of inertia", "dashed: truth; lines: estimate; bands: three standard deviations, as the filter believes", (f) => momentsFigure(f, range)],
-    ["Estimate less truth, % of the moment", "bands: three standard deviations; an honest filter stays inside nearly always, but for a moment after a step of the inertia", (f) => deviationFigure(f, most)],
+    [
+      "Estimate less truth, in the filter's standard deviations",
+      "bands: three standard deviations, \u03c3; the scale is linear inside them and logarithmic beyond; an honest filter stays inside nearly always, but for a moment after a step of the inertia",
+      (f) => deviationFigure(f, most),
+      withinThree,
+    ],
     ["Body rates, mrad/s", "dashed: limits", ratesFigure],
     ["Wheels' speeds", "dashed: limits", wheelsFigure],
   ];
   const holder = byId("episode-charts");
   holder.querySelectorAll(".chart").forEach((chart) => Plotly.purge(chart));
   holder.replaceChildren();
-  for (const [title, note, figureOf] of kinds) {
-    const charts = episode.flights.map((flight) => {
+  for (const [title, note, figureOf, say] of kinds) {
+    const charts = flights().map((flight) => {
       const chart = make("div", { class: "chart" });
-      return { flight, chart, block: make("div", {}, make("p", { class: "note" }, swatch(flight.policy), ` ${flight.policy}`), chart) };
+      const words = ` ${flight.policy}${say ? `, ${say(flight)}` : ""}`;
+      return { flight, chart, block: make("div", {}, make("p", { class: "note" }, swatch(flight.policy), words), chart) };
     });
     const single = charts.length === 1 ? " single" : "";
     holder.append(
@@ -143,13 +169,14 @@ function showEpisode() {
 }
 
 function describeEpisode() {
-  const pilots = episode.flights.map((f) => `${f.policy} (${KINDS[f.kind]})`).join(" beside ");
-  const why =
-    episode.flights.length === 2 && episode.flights[0].kind === "scripted"
-      ? `${episode.flights[0].policy} has the lowest mean final error in this cell among the paper's scripted profiles. `
-      : "";
+  const said = (f) => {
+    const { inside } = data.cells[episode.satellite][episode.inertia_mode].find((row) => row.policy === f.policy);
+    return `${f.policy} (${KINDS[f.kind]}, ${inside ? "inside" : "outside"} the envelope in this cell)`;
+  };
+  byId("of-episode").textContent = `scenario ${scenario}, ${episode.satellite}, ${episode.inertia_mode}`;
   byId("episode-note").textContent =
-    `${episode.satellite}, inertia mode ${episode.inertia_mode}, seed ${episode.seed}: ${pilots}. ${why}` +
+    `Seed ${episode.seed}: ${flights().map(said).join(" beside ")}. ` +
+    "Any policy of the comparison can be chosen. " +
     "World and noise are the same for all. Drag the picture, or use the arrow keys on it, to look from elsewhere; the " +
     "space bar plays and pauses.";
 }

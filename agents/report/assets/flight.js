@@ -62,7 +62,7 @@ function wheelAngles(flight) {
 
 const half = scaled(episode.size, 0.5);
 const longest = Math.max(...episode.size);
-const mostMomentum = Math.max(...episode.flights.flatMap((f) => f.time.map((_, i) => Math.hypot(...f.momentum.map((row) => row[i])))));
+const mostMomentum = () => Math.max(...flights().flatMap((f) => f.time.map((_, i) => Math.hypot(...f.momentum.map((row) => row[i])))));
 const FACES = [0, 1, 2].flatMap((axis) =>
   [-1, 1].map((side) => {
     const [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -154,7 +154,7 @@ function draw(view) {
   const arrows = [
     ...basis.map((axis, k) => ({ tip: scaled(axis, 1.05 * longest), name: "faint", text: "XYZ"[k], thick: 1, dash: [3, 4] })),
     ...basis.map((axis, k) => ({ tip: inertial(scaled(axis, half[k] + 0.26 * longest)), name: AXIS_COLOURS[k], text: AXES[k], thick: 2 })),
-    { tip: inertial(scaled(state.momentum, (0.95 * longest) / (mostMomentum || 1))), name: "purple", text: "M", thick: 3 },
+    { tip: inertial(scaled(state.momentum, (0.95 * longest) / (view.mostMomentum || 1))), name: "purple", text: "M", thick: 3 },
     { tip: inertial(scaled(state.rate, (0.62 * longest) / episode.rate_limit)), name: "ink", text: "\u03c9", thick: 3 },
   ];
   const depth = (p) => dot(p, near);
@@ -268,16 +268,23 @@ function lookFrom(azimuth, elevation) {
   showFlight();
 }
 
+const resized = new ResizeObserver(() => showFlight());
+
+/** A picture and gauges for each policy that was chosen, in place of those before. */
 function makeViews() {
-  byId("views").classList.toggle("single", episode.flights.length === 1);
-  for (const flight of episode.flights) {
-    flight.angle = wheelAngles(flight);
+  resized.disconnect();
+  views.length = 0;
+  byId("views").replaceChildren();
+  byId("views").classList.toggle("single", flights().length === 1);
+  const most = mostMomentum();
+  for (const flight of flights()) {
+    flight.angle ??= wheelAngles(flight);
     const label = `Satellite flown by ${flight.policy}; arrow keys turn the view, space plays and pauses`;
     const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": label });
     const gauges = makeGauges(flight);
     const title = make("h3", {}, swatch(flight.policy), ` ${flight.policy}`, make("small", {}, ` ${KINDS[flight.kind]}`));
     byId("views").append(make("div", { class: "view" }, title, canvas, gauges.box));
-    views.push({ canvas, flight, gauges });
+    views.push({ canvas, flight, gauges, mostMomentum: most });
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {
       if (canvas.hasPointerCapture(event.pointerId)) lookFrom(-event.movementX / 120, event.movementY / 120);
@@ -289,8 +296,11 @@ function makeViews() {
       else return;
       event.preventDefault();
     });
-    new ResizeObserver(showFlight).observe(canvas);
+    resized.observe(canvas);
   }
+}
+
+function makeControls() {
   byId("scrub").max = String(episode.horizon);
   byId("play").addEventListener("click", () => setPlaying(!clock.playing));
   byId("scrub").addEventListener("input", (event) => {

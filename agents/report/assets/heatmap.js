@@ -42,18 +42,15 @@ function showHeatmap() {
   byId("heatmap").tHead.replaceChildren(make("tr", {}, corner, ...groups), make("tr", {}, ...heads));
   byId("heatmap").tBodies[0].replaceChildren(...body);
   const { tickvals } = decades(100 * low, 100 * high);
-  const ticks = [];
-  let end = -Infinity; // of the last label
-  for (const value of tickvals) {
-    const label = `${value} %`;
-    const at = place(value / 100);
-    const half = 0.0105 * label.length; // of its width and the gap, as a share of the bar
-    if (at - half < end) continue;
-    ticks.push(make("span", { style: `left:${100 * at}%` }, label));
-    end = at + half;
-  }
+  const ticks = tickvals.map((value) => make("span", { style: `left:${100 * place(value / 100)}%` }, `${value} %`));
   byId("colour-scale").replaceChildren(
     make("div", { class: "bar", style: `background:linear-gradient(to right, ${CIVIDIS.join(",")})` }),
     make("div", { class: "ticks" }, ...ticks),
   );
+  let end = -Infinity; // of the last label that is kept
+  for (const tick of ticks) {
+    const { left, right } = tick.getBoundingClientRect();
+    if (left < end + 6) tick.remove();
+    else end = right;
+  }
 }

@@ -2,7 +2,7 @@
 
 const withInterval = (name) => (row) => {
   const low = row[`${name}_lo`];
-  const mean = percent(row[`${name}_mean`]);
+  const mean = percent(row[`${name}_mean`]) + (name === "final_error" && row.inside === false ? "*" : "");
   if (low === null || low === undefined) return [mean];
   return [mean, " ", make("small", {}, `[${percent(low)} ${percent(row[`${name}_hi`])}]`)];
 };
@@ -34,6 +34,13 @@ const COLUMNS = [
     label: "to 1 %\ns",
     meaning: "Time at which the error first falls to 1 %, median over episodes; never, where most episodes do not.",
     cell: (row) => [row.time_to_1pct_s === null ? "never" : row.time_to_1pct_s.toFixed(1)],
+  },
+  {
+    key: "reward",
+    label: "reward",
+    meaning: "Sum of the environment's default reward over an episode, mean over episodes; higher is better.",
+    cell: plain("reward", (value) => String(Math.round(value) || 0)),
+    descending: true,
   },
   {
     key: "outside_fraction",
@@ -104,7 +111,7 @@ const COLUMNS = [
     label: "kind",
     meaning:
       "Scripted: a torque history fixed in advance. Closed loop: designed by hand or planned in flight on a model. " +
-      "Learned: trained by reinforcement learning. Reference: no contender, shown for scale. " +
+      "Learned: a network trained by imitation or by reinforcement learning. Reference: no contender, shown for scale. " +
       "Limit: what the filter, or any estimator, could reach at best.",
     text: true,
     cell: (row) => [KINDS[row.kind] ?? "limit"],
@@ -160,25 +167,34 @@ function showLeaderboard() {
   );
 }
 
-/** One sentence on the chosen cell. */
+/** What the headings call the chosen cell. */
+const cellName = () => `scenario ${scenario}, ${chosen.satellite}, ${INERTIA[chosen.mode] ?? chosen.mode}`;
+
+/** The best of a kind in the chosen cell, in words: inside the envelope, or said to be outside where none is inside. */
+function bestOf(kind, name, error) {
+  const all = rows().filter((row) => row.kind === kind); // by final error
+  const inside = all.find((row) => row.inside);
+  if (inside) return inside.best ? [] : [`Best ${name} inside it: ${error(inside)}.`];
+  return all.length ? [`No ${name} policy keeps to it; the lowest error of those, outside it: ${error(all[0])}.`] : [];
+}
+
+/** A few sentences on the chosen cell, which name no error of a policy outside the envelope without saying so. */
 function showHeadline() {
   const policies = rows().filter((row) => row.kind !== "bound");
   const best = policies.find((row) => row.best);
   const error = (row) => `${row.policy} ${percent(row.final_error_mean)}\u00a0%`;
-  const parts = [best ? `Lowest final error inside the envelope: ${error(best)}.` : "No policy keeps to the envelope."];
-  const learned = policies.find((row) => row.kind === "learned");
-  const scripted = policies.find((row) => row.kind === "scripted" && row.inside);
-  if (learned && learned !== best) parts.push(`Learned: ${error(learned)}.`);
-  if (scripted && scripted !== best) parts.push(`Best scripted: ${error(scripted)}.`);
-  byId("headline").textContent = parts.join(" ");
+  const first = best ? `Lowest final error inside the envelope: ${error(best)}.` : "No policy keeps to the envelope.";
+  const others = ["learned", "closed_loop", "scripted"].flatMap((kind) => bestOf(kind, KINDS[kind], error));
+  byId("headline").textContent = [first, ...others].join(" ");
+  document.querySelectorAll(".of-cell").forEach((place) => (place.textContent = cellName()));
   const { count, split } = data.provenance.seeds;
   byId("leaderboard-note").textContent =
     `${count} episodes on ${split} seeds for every policy and inertia mode, the same truth and noise for all. ` +
     (chosen.mode === "all"
       ? "Means over the inertia modes, without intervals, for the modes share their seeds. "
       : "In brackets 95 % intervals over episodes. ") +
-    "Bold: lowest final error among the policies that are outside the rate limits, and have wheels at theirs, at most 1 % of " +
-    "the time. " +
+    "Inside the envelope: with a rate outside its limit, or a wheel at its speed limit, for at most " +
+    `${100 * data.most_beyond}\u00a0% of the time. A star marks a policy outside it; bold is the lowest final error of those inside. ` +
     "The heads of the columns sort.";
 }
 

@@ -22,14 +22,35 @@ function showProvenance() {
     seeds:
       `${seeds.split} seeds ${seeds.first} to ${seeds.first + seeds.count - 1}` +
       (seeds.split === "test" ? ", which neither tuning nor training has seen" : ""),
-    scenario: settings.scenario,
+    scenario,
     versions: versionsText,
   };
   byId("provenance").replaceChildren(
     ...Object.entries(entries).flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]),
   );
-  const scenario = settings.scenario === "default" ? "" : ` --scenario ${settings.scenario}`;
-  byId("rebuild").textContent = `python -m agents.report --results ${settings.output}${scenario}`;
+  const option = scenario === "default" ? "" : ` --scenario ${scenario}`;
+  byId("rebuild").textContent = `python -m agents.report --results ${settings.output}${option}`;
+}
+
+/** The policies that fly the episode: any one, alone or beside any other. */
+function fillPilots() {
+  const names = episode.flights.map((f) => f.policy);
+  for (const [i, id] of ["pilot-0", "pilot-1"].entries()) {
+    const options = names.map((name) => make("option", { value: name }, name));
+    byId(id).replaceChildren(...options, ...(i ? [make("option", { value: "" }, "nobody")] : []));
+    byId(id).value = chosen.pilots[i] ?? "";
+    byId(id).addEventListener("change", () => {
+      chosen.pilots = [byId("pilot-0").value, byId("pilot-1").value].filter(Boolean);
+      showPilots();
+    });
+  }
+}
+
+function showPilots() {
+  describeEpisode();
+  makeViews();
+  showEpisode();
+  showFlight();
 }
 
 function showAll() {
@@ -42,6 +63,8 @@ function showAll() {
 
 fillSelectors();
 showProvenance();
+fillPilots();
+makeControls();
 describeEpisode();
 makeViews();
 showLegend();
@@ -53,4 +76,5 @@ addEventListener("resize", () => {
   if (innerWidth === width) return; // a phone's address bar comes and goes
   width = innerWidth;
   showTradeOffs(); // labels find their places anew
+  showHeatmap(); // so do those of the colours
 });

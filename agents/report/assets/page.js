@@ -42,12 +42,14 @@ function digits3(value) {
 
 const percent = (fraction) => digits3(100 * fraction);
 
-// Colour and dash tell lines apart, and either does alone for most pairs; the marker tells the kind.
+// Colour and dash tell lines apart, and either does alone for most pairs; the marker tells the kind. A policy's place
+// among them is fixed by its name, so that it looks the same on every page. Colours and dashes of a kind are coprime in
+// number: so many places pass before both come again.
 const LOOKS = {
-  learned: { colours: ["vermillion", "purple", "ink"], dashes: ["solid", "dash", "dot"], symbol: "star", size: 13 },
+  learned: { colours: ["vermillion", "purple", "ink"], dashes: ["solid", "dash", "dot", "dashdot"], symbol: "star", size: 13 },
   closed_loop: {
     colours: ["blue", "purple", "sky", "green"],
-    dashes: ["dash", "longdash", "dot", "dashdot"],
+    dashes: ["dash", "longdash", "dot", "dashdot", "longdashdot"],
     symbol: "diamond",
     size: 10,
   },
@@ -70,21 +72,18 @@ const STROKES = {
 };
 
 const looks = {};
-for (const kind of Object.keys(LOOKS)) {
-  const names =
-    kind === "bound" ? ["ideal", "bound"] : data.policies.filter((p) => p.kind === kind).map((p) => p.name);
+const limits = ["ideal", "bound"].map((name, place) => ({ name, kind: "bound", place }));
+for (const { name, kind, place } of [...data.policies, ...limits]) {
   const { colours, dashes, symbol, size } = LOOKS[kind];
-  names.forEach((name, i) => {
-    const widths = { learned: 2.6, bound: 1.5 };
-    looks[name] = {
-      kind,
-      colour: colours[i % colours.length],
-      dash: dashes[i % dashes.length],
-      width: widths[kind] ?? 2,
-      symbol,
-      size,
-    };
-  });
+  const widths = { learned: 2.6, bound: 1.5 };
+  looks[name] = {
+    kind,
+    colour: colours[place % colours.length],
+    dash: dashes[place % dashes.length],
+    width: widths[kind] ?? 2,
+    symbol,
+    size,
+  };
 }
 
 /** A short sample of a policy's line. */
@@ -103,11 +102,17 @@ function swatch(name) {
 }
 
 // What the reader has chosen, and who wants to know.
-const chosen = { satellite: data.episode.satellite, mode: data.episode.inertia_mode, shown: new Set(data.shown) };
+const chosen = {
+  satellite: data.episode.satellite,
+  mode: data.episode.inertia_mode,
+  shown: new Set(data.shown), // in the chart of errors
+  pilots: [...data.episode.shown], // of the episode, one or two
+};
 const listeners = [];
 const onChoice = (listener) => listeners.push(listener);
 const announce = () => listeners.forEach((listener) => listener());
 const rows = () => data.cells[chosen.satellite][chosen.mode];
+const scenario = data.provenance.settings.scenario;
 
 /** Layout that all charts share. */
 function layout(changes) {
