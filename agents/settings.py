@@ -133,23 +133,23 @@ class TrainSettings(Task):
     """What the network commands: body rates through the rate loop, or wheel torque at once."""
     include_covariance: bool = True
     """Whether the network sees the filter's whole covariance."""
-    reward: RewardSettings = field(default_factory=RewardSettings)
+    reward: RewardSettings = field(default_factory=lambda: RewardSettings(held_reference=22.0))
     """What pays in training."""
-    steps: int = 10_000_000
+    steps: int = 1_000_000
     """Decisions to train for, all environments together."""
-    num_envs: int = 192
+    num_envs: int = 64
     """Environments side by side."""
-    rollout: int = 100
+    rollout: int = 50
     """Decisions of each environment between two updates."""
-    batch_size: int = 4800
+    batch_size: int = 800
     """Decisions in a minibatch."""
     epochs: int = 5
     """Passes over a rollout."""
-    learning_rate: float = 5e-4
+    learning_rate: float = 2e-3
     """At the start."""
     final_learning_rate: float = 5e-5
     """At the end; linear between."""
-    gamma: float = 0.985
+    gamma: float = 0.9
     """Discount."""
     gae_lambda: float = 0.95
     """Of generalised advantage estimation."""
@@ -159,9 +159,9 @@ class TrainSettings(Task):
     """Weight of the entropy bonus."""
     log_std: float = 0.5
     """First logarithm of the exploration's standard deviation."""
-    hold: int = 20
+    hold: int = 15
     """Decisions for which state-dependent exploration keeps its direction."""
-    evaluate_every: int = 1_000_000
+    evaluate_every: int = 200_000
     """Decisions between evaluations on validation seeds."""
 
     def __post_init__(self) -> None:
