@@ -10,8 +10,11 @@ from dataclasses import dataclass
 from baselines.ceiling import Ceiling, ceiling
 from baselines.timing import TimedPolicy
 from satid_gym.evaluation import Flight, fly
+from satid_gym.laws import InertiaLaw
 from satid_gym.policy import Policy
+from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
+from satid_gym.selection import label
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -19,18 +22,23 @@ class Cell:
     """Flights that are under way, or wait for a free core.
 
     Attributes:
-        satellite, mode: which cell.
+        satellite, inertia: which cell.
         pilots: the policies, each with a clock.
         flights: of each of them.
         ceiling: what the cell allows; None where the scenario's filter is neither the AdaptiveEKF nor the MomentumEKF,
             as they are by default.
     """
 
-    satellite: str
-    mode: str
+    satellite: Satellite
+    inertia: str | InertiaLaw
     pilots: Sequence[TimedPolicy]
     flights: Sequence[Future[Flight]]
     ceiling: Future[Ceiling] | None
+
+    @property
+    def place(self) -> dict[str, str]:
+        """Its satellite and inertia mode as records have them."""
+        return {"satellite": self.satellite.name, "inertia_mode": label(self.inertia)}
 
     @classmethod
     def start(
@@ -38,19 +46,19 @@ class Cell:
         pool: Executor,
         policies: Sequence[Policy],
         *,
-        satellite: str,
-        mode: str,
+        satellite: Satellite,
+        inertia: str | InertiaLaw,
         seeds: Sequence[int],
         scenario: Scenario,
     ) -> Cell:
         """Hand a cell to the pool; the policies are copied, for cells fly side by side."""
         pilots = [TimedPolicy(copy.copy(policy)) for policy in policies]
-        episodes = {"satellite": satellite, "inertia": mode, "seeds": seeds, "scenario": scenario, "num_threads": 1}
+        episodes = {"satellite": satellite, "inertia": inertia, "seeds": seeds, "scenario": scenario, "num_threads": 1}
         bounded = scenario.estimator in ("adaptive", "momentum")
         return cls(
             satellite=satellite,
-            mode=mode,
+            inertia=inertia,
             pilots=pilots,
-            ceiling=pool.submit(ceiling, satellite, mode, seeds, scenario) if bounded else None,
+            ceiling=pool.submit(ceiling, satellite, inertia, seeds, scenario) if bounded else None,
             flights=[pool.submit(fly, pilot, **episodes) for pilot in pilots],  # type: ignore[arg-type]
         )

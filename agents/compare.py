@@ -16,14 +16,15 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 from tqdm import tqdm
 
+from agents.cast import Cast, Prepared, learned_by, misfit
 from agents.cell import Cell
 from agents.report import write_report
 from agents.report.curves import error_bands, rounded
@@ -31,17 +32,18 @@ from agents.report.episode import episode_cell, fly_episode, protagonists
 from agents.report.page import file_names
 from agents.statistics import pair, record
 from agents.tables import print_comparison
-from baselines import BASELINES, make_baseline
+from baselines import BASELINES
 from baselines.ending import ended, refusal
-from baselines.provenance import command, revision, versions
+from baselines.provenance import command, portable, revision, versions
 from satid_gym.config import check_names
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
 from satid_gym.files import check_writable, write_json, write_text
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.shipped import shipped
+from satid_gym.policies.open_loop_optimal import NotPreparedError
+from satid_gym.policies.shipped import names
 from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import SCENARIOS
+from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
 
 CHALLENGERS = ("learned", "closed_loop")  # kinds that are set against every other policy, in pairs
 Scores = Mapping[str, np.ndarray]
@@ -52,13 +54,15 @@ class Comparison:
     """What to compare."""
 
     scenario: str = "default"
-    """The world: default, tight, paper or faults."""
+    """The world: default, tight, paper or faults, a .json or .toml file, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
-    """Satellites to fly."""
+    """Satellites to fly: names, .json or .toml files, or module:name (runs the module's code)."""
     modes: tuple[str, ...] = INERTIA_MODES
-    """How their inertia varies."""
+    """How their inertia varies: modes, laws as .json, .toml or .csv files, or module:name (runs the module's code)."""
     policies: tuple[str, ...] = ()
-    """Policies to compare; all of them where none is named."""
+    """Policies to compare: names, paths of a policy's files or of a run's folder, or NAME=PATH; where none is named
+    all that come with the project."""
+    prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
     episodes: int = 100
     """Episodes of each policy in each cell."""
     seed_split: str = "test"
@@ -66,30 +70,65 @@ class Comparison:
     output: Path = Path("results")
     """Folder for what is written; scenarios other than default add their name to the files'."""
 
-    def check(self, learned: Sequence[Policy]) -> None:
-        """Refuse what cannot be compared.
+    def cast(self) -> Cast:
+        """What names, files and modules stand for.
 
         Raises:
-            ValueError: a name is unknown or the number of episodes is below 2.
+            ValueError: a name is unknown or taken by another, what a file holds is not valid, a baseline that was
+                named has no settings for a satellite, or the number of episodes is below 2.
+            DamagedFileError: a file of settings of baselines is missing or holds none.
         """
-        policies = [*BASELINES, *(policy.name for policy in learned)]
-        check_names("scenario", (self.scenario,), SCENARIOS)
-        check_names("satellite", self.satellites, SATELLITES)
-        check_names("inertia mode", self.modes, INERTIA_MODES)
-        check_names("policy", self.policies or policies, policies)
+        scenario = select_scenario(self.scenario)
+        satellites = select_satellites(self.satellites)
+        modes = select_inertias(self.modes)
+        learned, given = learned_by(self.policies or names())
         check_names("split of seeds", (self.seed_split,), FIRST_SEED)
         if self.episodes < 2:
             raise ValueError(f"episodes must be at least 2 for an interval, got {self.episodes}")
+        texts = list(zip(self.satellites, satellites, strict=True))
+        world = (self.scenario, scenario)
+        self.prepared.check(texts, [world])
+        teams: dict[str, list[Policy]] = {}
+        not_tuned: list[str] = []
+        for satellite in satellites:
+            teams[satellite.name] = team = []
+            for name in (name for name in BASELINES if name in (self.policies or BASELINES)):
+                policy, line = self.prepared.find(name, satellite, world, texts)
+                if policy is not None:
+                    team.append(policy)
+                elif self.policies:
+                    raise NotPreparedError(line)
+                if line:
+                    not_tuned.append(line)
+            for policy in learned:
+                line = misfit(policy, satellite, modes, scenario)
+                if not line:
+                    team.append(policy)
+                elif self.policies:
+                    raise ValueError(line)
+                else:
+                    not_tuned.append(line)
+        return Cast(
+            satellites=satellites, modes=modes, scenario=scenario, teams=teams, not_tuned=not_tuned, given=given
+        )
+
+    def settings(self, cast: Cast) -> dict[str, Any]:
+        """Plain values, names in the place of what they were given by."""
+        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "prepared"}
+        policies = dict.fromkeys(policy.name for team in cast.teams.values() for policy in team)
+        files = {name: file.name for name, file in vars(self.prepared).items() if file != getattr(Prepared(), name)}
+        return {
+            **own,
+            "scenario": cast.scenario.name,
+            "satellites": [satellite.name for satellite in cast.satellites],
+            "modes": [label(mode) for mode in cast.modes],
+            "policies": list(policies) if self.policies else [],
+            "output": portable(str(self.output)),
+            **files,
+        }
 
 
-def line_up(comparison: Comparison, satellite: str, learned: Sequence[Policy]) -> list[Policy]:
-    """The policies that fly a satellite: baselines with their settings for it, and the learned ones."""
-    wanted = comparison.policies or [*BASELINES, *(policy.name for policy in learned)]
-    baselines = [make_baseline(name, satellite, comparison.scenario) for name in BASELINES if name in wanted]
-    return [*baselines, *(policy for policy in learned if policy.name in wanted)]
-
-
-def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]:
+def compare(comparison: Comparison, cast: Cast) -> dict[str, Any]:
     """Fly everything; `records`, `pairs`, `bounds` and `efficiencies` as compare.json has them, and `curves`.
 
     `bounds` has what each cell allows, `efficiencies` how far each policy gets; there are none where the
@@ -98,9 +137,9 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     `curves` has what the report alone needs, errors against time and one episode in full, and is not for compare.json.
     """
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
-    world = benchmark_scenario(comparison.scenario)
-    places = list(itertools.product(comparison.satellites, comparison.modes))
-    teams = {satellite: line_up(comparison, satellite, learned) for satellite in comparison.satellites}
+    world = benchmark_scenario(cast.scenario)
+    places = list(itertools.product(cast.satellites, cast.modes))
+    teams = cast.teams
     records: list[dict[str, Any]] = []
     pairs: list[dict[str, Any]] = []
     bounds: list[dict[str, Any]] = []
@@ -109,10 +148,10 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
     limits: list[dict[str, Any]] = []
     with (
         ThreadPoolExecutor(os.cpu_count()) as pool,  # planners leave the interpreter's lock for most of their time
-        tqdm(total=sum(len(teams[satellite]) for satellite, _ in places), desc="comparing", unit="flight") as bar,
+        tqdm(total=sum(len(teams[satellite.name]) for satellite, _ in places), desc="comparing", unit="flight") as bar,
     ):
         cells = [
-            Cell.start(pool, teams[satellite], satellite=satellite, mode=mode, seeds=chosen, scenario=world)
+            Cell.start(pool, teams[satellite.name], satellite=satellite, inertia=mode, seeds=chosen, scenario=world)
             for satellite, mode in places
         ]
         for pending in (flight for cell in cells for flight in cell.flights):
@@ -120,8 +159,8 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
         try:
             while cells:
                 cell = cells.pop(0)  # let go of its flights as soon as they are scored: all of them take much memory
-                where = {"satellite": cell.satellite, "inertia_mode": cell.mode}
-                bar.set_postfix_str(f"{cell.satellite} {cell.mode}", refresh=False)
+                where = cell.place
+                bar.set_postfix_str(" ".join(where.values()), refresh=False)
                 top = cell.ceiling.result() if cell.ceiling else None
                 if top is not None:
                     final = top.final_errors()
@@ -142,17 +181,20 @@ def compare(comparison: Comparison, learned: Sequence[Policy]) -> dict[str, Any]
         except BaseException:
             pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
             raise
-    satellite, mode = shown = episode_cell(comparison.satellites, comparison.modes)
-    names = protagonists([r for r in records if (r["satellite"], r["inertia_mode"]) == shown])
-    episode = fly_episode(teams[satellite], satellite=satellite, mode=mode, seed=chosen[0], scenario=world, shown=names)
+    shown = episode_cell([satellite.name for satellite in cast.satellites], [label(mode) for mode in cast.modes])
+    satellite, mode = next((s, m) for s, m in places if (s.name, label(m)) == shown)
+    stars = protagonists([r for r in records if (r["satellite"], r["inertia_mode"]) == shown])
+    team = teams[satellite.name]
+    episode = fly_episode(team, satellite=satellite, mode=mode, seed=chosen[0], scenario=world, shown=stars)
     instants = world.decision_period * np.arange(1, world.decisions + 1)
     return {
         "command": command("agents.compare"),
-        "settings": {**dataclasses.asdict(comparison), "output": str(comparison.output)},
+        "settings": comparison.settings(cast),
         "revision": revision(),
         "versions": versions(),
         "seeds": {"split": comparison.seed_split, "first": chosen[0], "count": len(chosen)},
         "scenario": world.to_dict(),
+        "definitions": cast.definitions(),
         "records": records,
         "pairs": pairs,
         "bounds": bounds,
@@ -188,21 +230,21 @@ def main() -> int:
     """Run the comparison that the command line asks for; the exit code."""
     comparison = tyro.cli(Comparison, description=__doc__)
     start = time.perf_counter()
-    learned: list[Policy] = list(shipped())
     with refusal():
-        comparison.check(learned)
+        cast = comparison.cast()
     check_writable(comparison.output)
-    results = compare(comparison, learned)
+    results = compare(comparison, cast)
     curves = results.pop("curves")
     paths = write(results, comparison.output)
     report = write_report(results, curves, comparison.output)
     first, count = results["seeds"]["first"], results["seeds"]["count"]
     print_comparison(
         results["records"],
-        f"bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds\n"
-        f"bound: root mean square error that no estimator beats under any excitation inside the envelope; ideal: "
-        f"that of the best fixed walk, told of steps, if all samples told as much; efficiency: bound / achieved\n"
-        f"{results['command']}, revision {results['revision']}, scenario {comparison.scenario}, "
+        "bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds\n"
+        "bound: root mean square error that no estimator beats under any excitation inside the envelope; ideal: "
+        "that of the best fixed walk, told of steps, if all samples told as much; efficiency: bound / achieved\n"
+        + "".join(f"not tuned: {line}\n" for line in cast.not_tuned)
+        + f"{results['command']}, revision {results['revision']}, scenario {cast.scenario.name}, "
         f"{comparison.seed_split} seeds {first} to {first + count - 1}\n"
         f"{', '.join(map(str, paths))} written; {time.perf_counter() - start:.0f} s\n"
         f"report, for a browser: {report}",

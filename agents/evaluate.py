@@ -6,15 +6,16 @@ Validation seeds by default: the test seeds are for the comparison.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import tyro
 
+from agents.cast import Prepared, learned
 from agents.compare import Comparison, compare
 from agents.tables import print_comparison
 from baselines.ending import ended, refusal
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.shipped import find
 from satid_gym.satellite import SATELLITES
 
 
@@ -23,29 +24,32 @@ class Evaluation:
     """What to fly."""
 
     policy: tyro.conf.Positional[str]
-    """A shipped policy's name, or a path without ending."""
+    """A shipped policy's name, the path of a policy's files or of a run's folder, or NAME=PATH."""
     beside: tuple[str, ...] = ("rate_square",)
     """Baselines to fly beside it."""
     scenario: str = "default"
-    """The world: default, tight, paper or faults."""
+    """The world: default, tight, paper or faults, a .json or .toml file, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
-    """Satellites to fly."""
+    """Satellites to fly: names, .json or .toml files, or module:name (runs the module's code)."""
     modes: tuple[str, ...] = INERTIA_MODES
-    """How their inertia varies."""
+    """How their inertia varies: modes, laws as .json, .toml or .csv files, or module:name (runs the module's code)."""
     episodes: int = 100
     """Episodes of each policy in each cell."""
     seed_split: str = "validation"
     """Which seeds: training, tuning, validation or test."""
+    prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
 
-    def comparison(self, policy: str) -> Comparison:
-        """The flights of a policy of this name and those beside it."""
+    @property
+    def comparison(self) -> Comparison:
+        """The flights of the policy and those beside it."""
         return Comparison(
             scenario=self.scenario,
             satellites=self.satellites,
             modes=self.modes,
-            policies=(policy, *self.beside),
+            policies=(self.policy, *self.beside),
             episodes=self.episodes,
             seed_split=self.seed_split,
+            prepared=self.prepared,
         )
 
 
@@ -53,15 +57,15 @@ def main() -> int:
     """Fly the policy and print its tables; the exit code."""
     evaluation = tyro.cli(Evaluation, description=__doc__)
     with refusal():
-        policy = find(evaluation.policy)
-        comparison = evaluation.comparison(policy.name)
-        comparison.check([policy])
-    results = compare(comparison, [policy])
+        learned(evaluation.policy)  # a baseline is none
+        comparison = evaluation.comparison
+        cast = comparison.cast()
+    results = compare(comparison, cast)
     split, first = results["seeds"]["split"], results["seeds"]["first"]
     print_comparison(
         results["records"],
         f"{evaluation.policy}: {comparison.episodes} episodes a cell, {split} seeds from {first}, "
-        f"scenario {comparison.scenario}",
+        f"scenario {cast.scenario.name}",
     )
     return 0
 

@@ -88,7 +88,7 @@ def _teach(
     env = SatInertiaIDVectorEnv(len(chosen), satellite, mode, settings.scenario, num_threads=1, include_covariance=True)
     (mission,) = missions(env.problem)
     loop = RateLoop([mission], settings.margin)
-    walk = settings.walks[INERTIA_MODES.index(mode)]
+    walk = settings.walks[INERTIA_MODES.index(mode) if mode in INERTIA_MODES else 0]  # type: ignore[arg-type]
     teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin, walk=walk)
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)

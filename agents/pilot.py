@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
 import tyro
 
-from baselines import BASELINES, make_baseline
-from satid_gym.config import check_number, unknown_name
+from agents.cast import Prepared, learned
+from baselines import BASELINES
+from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.shipped import find, names
 from satid_gym.policy import Policy, includes_covariance, missions
-from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
+
+_MODES = ("random", *INERTIA_MODES)
 
 
 class Pilot:
@@ -91,51 +92,55 @@ class Pairing:
     """Which two policies fly which episode; truth and noise are the same for both."""
 
     policy: tyro.conf.Positional[str]
-    """A shipped policy's name, the path of a learned one, or a baseline."""
+    """A shipped policy's name, a baseline, the path of a policy's files or of a run's folder, or NAME=PATH."""
     beside: Annotated[str, tyro.conf.arg(aliases=("--profile",))] = "multi_step"
     """The same, to fly beside it."""
     satellite: str = "microsat"
-    """Satellite to fly."""
+    """Satellite to fly: a name, a .json or .toml file, or module:name (runs the module's code)."""
     inertia: str = "step"
-    """How its inertia varies: static, step, drift, periodic or random."""
+    """How its inertia varies: static, step, drift, periodic, random, a law as a .json, .toml or .csv file, or
+    module:name (runs the module's code)."""
     scenario: str = "default"
-    """The world: default, tight, paper or faults."""
+    """The world: default, tight, paper or faults, a .json or .toml file, or module:name (runs the module's code)."""
     horizon: float = 300.0
     """Length of the episode, s."""
     seed: int = FIRST_SEED["validation"]
     """Seed of the episode."""
+    prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
 
-    def world(self) -> Scenario:
-        """The scenario to fly in.
-
-        Raises:
-            ValueError: a name is unknown or the horizon or the seed is not valid.
-        """
-        for kind, given, valid in (
-            ("satellite", self.satellite, SATELLITES),
-            ("inertia mode", self.inertia, ("random", *INERTIA_MODES)),
-            ("scenario", self.scenario, SCENARIOS),
-        ):
-            if given not in valid:
-                raise unknown_name(kind, given, valid)
-        check_number("seed", self.seed)
-        return benchmark_scenario(self.scenario).replace(horizon=self.horizon)
+    @property
+    def title(self) -> str:
+        """Satellite and inertia mode in words."""
+        (satellite,), (inertia,) = select_satellites([self.satellite]), select_inertias([self.inertia], _MODES)
+        return f"{satellite.name}, {label(inertia)} inertia"
 
     def pilots(self, render_mode: str | None = None, render_size: int = 480) -> tuple[Pilot, Pilot]:
         """Both at the start of the episode.
 
         Raises:
-            ValueError: a name is unknown, a baseline is not tuned for this satellite and scenario, or a
-                learned policy was trained for another observation.
+            ValueError: a name is unknown, what a file holds or a number is not valid, a baseline is not tuned for
+                this satellite and scenario, a learned policy was trained for another observation, or two different
+                policies have one name.
         """
-        world = self.world()
-        policies = [by_name(name, self.satellite, self.scenario) for name in (self.policy, self.beside)]
+        (satellite,), (inertia,) = select_satellites([self.satellite]), select_inertias([self.inertia], _MODES)
+        scenario = select_scenario(self.scenario)
+        check_number("seed", self.seed)
+        world = benchmark_scenario(scenario).replace(horizon=self.horizon)
+        craft, place = (self.satellite, satellite), (self.scenario, scenario)
+        self.prepared.check([craft], [place])
+        texts = (self.policy, self.beside)
+        policies = [self.prepared.policy(t, satellite, place, [craft]) if t in BASELINES else learned(t) for t in texts]
+        if policies[0].name == policies[1].name and self.policy != self.beside:
+            raise ValueError(
+                f"both policies have the name {policies[0].name!r}: tell them apart by NAME=PATH, "
+                f"say other={self.beside.rpartition('=')[2]}"
+            )
         first, second = (
             Pilot(
                 policy,
                 SatInertiaIDEnv(
-                    self.satellite,
-                    self.inertia,
+                    satellite,
+                    inertia,
                     world,
                     render_mode=render_mode,
                     render_size=render_size,
@@ -146,19 +151,3 @@ class Pairing:
             for policy in policies
         )
         return first, second
-
-
-def by_name(name: str, satellite: str, scenario: str) -> Policy:
-    """A baseline as tuned for a satellite, or a learned policy by name or path.
-
-    Raises:
-        ValueError: there is none, or it is not tuned for the satellite and scenario.
-    """
-    if name in BASELINES:
-        return make_baseline(name, satellite, scenario)
-    try:
-        return find(name)
-    except ValueError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            raise unknown_name("policy (no such file either)", name, [*names(), *BASELINES]) from error
-        raise

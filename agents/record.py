@@ -43,7 +43,7 @@ class Recording:
     @property
     def path(self) -> Path:
         """Where the video goes."""
-        names = f"{Path(self.pairing.policy).name}_beside_{Path(self.pairing.beside).name}"
+        names = "_beside_".join(_called(text) for text in (self.pairing.policy, self.pairing.beside))
         return self.output or Path("results") / f"{names}.mp4"
 
     def check(self) -> None:
@@ -57,6 +57,12 @@ class Recording:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         video.check_path(self.path)
+
+
+def _called(text: str) -> str:
+    """The NAME of NAME=PATH, or the last part of a path or name."""
+    name, sign, _ = text.partition("=")
+    return name if sign else Path(text).name
 
 
 def frames(pilots: Sequence[Pilot], every: int) -> Iterator[np.ndarray]:

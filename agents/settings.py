@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -14,10 +14,17 @@ from satid_gym.control.planner import ADAPTIVE_WALK
 from satid_gym.files import read_json
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import check_name
-from satid_gym.problem import problem
+from satid_gym.problem import problem, resolve_satellites
 from satid_gym.reward import RewardSettings, reward_settings
-from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.satellite import Satellite
+from satid_gym.selection import select_inertias, select_satellites, select_scenario
+from satid_gym.sources import is_source
 
+_OWN: dict[str, Callable[[str], Any]] = {
+    "satellite": lambda text: select_satellites([text])[0],
+    "inertia": lambda text: select_inertias([text])[0],
+    "scenario": select_scenario,
+}
 ANEW = "start the run again, with another --run"  # what to do about a damaged one
 NAMED = Path(__file__).parent / "settings"
 
@@ -29,14 +36,16 @@ class Task:
     name: str = "policy"
     """What tables call the policy."""
     satellite: str = "random"
-    """Satellite to train on; "random" draws from all three."""
+    """Satellite to train on: a name, a .json or .toml file, or module:name (runs the module's code); "random" draws
+    from all three."""
     wheel_scales: tuple[float, ...] = (1.0,)
     """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
     has that factor already and takes 1 alone)."""
     inertia: str = "random"
-    """How the inertia varies: a mode, or "random"; laws are randomised."""
+    """How the inertia varies: a mode or "random", of randomised laws, or one exact law as a .json, .toml or .csv
+    file, or module:name (runs the module's code)."""
     scenario: str = "default"
-    """The world to train in."""
+    """The world to train in: a name, a .json or .toml file, or module:name (runs the module's code)."""
     margin: float = 2.6
     """Of the rate loop, in standard deviations of one decision's noise."""
     hidden: tuple[int, ...] = (64, 64)
@@ -48,13 +57,15 @@ class Task:
 
     def __post_init__(self) -> None:
         check_name(self.name)
-        if self.satellite != "random" and self.satellite not in SATELLITES:
-            raise unknown_name("satellite", self.satellite, [*SATELLITES, "random"])
+        for kind, resolve in _OWN.items():
+            text = getattr(self, kind)
+            if is_source(text):  # kept in full: a run goes on as it began, whatever becomes of the file
+                object.__setattr__(self, kind, json.dumps(resolve(text).to_dict(), sort_keys=True))
         world = problem(self.pool(), self.inertia, self.scenario).scenario  # refuses what is no world
         if world.wheel_speed_scale != 1.0 and set(self.wheel_scales) != {1.0}:
             scales = ", ".join(f"{scale * world.wheel_speed_scale:g}" for scale in self.wheel_scales)
             raise ValueError(
-                f"scenario {self.scenario!r} multiplies the wheels' speed limit by {world.wheel_speed_scale:g} "
+                f"scenario {world.name!r} multiplies the wheels' speed limit by {world.wheel_speed_scale:g} "
                 f"already: with wheel_scales {self.wheel_scales} it would be {scales} of nominal; "
                 "add --wheel-scales 1, or train in scenario 'default'"
             )
@@ -62,7 +73,7 @@ class Task:
     @property
     def satellites(self) -> tuple[Satellite, ...]:
         """Names resolved, one for each that is evaluated."""
-        return tuple(SATELLITES.values()) if self.satellite == "random" else (SATELLITES[self.satellite],)
+        return resolve_satellites(self.satellite)
 
     def pool(self) -> list[Satellite]:
         """What episodes draw their satellite from."""
@@ -73,8 +84,9 @@ class Task:
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values."""
-        return json.loads(json.dumps(dataclasses.asdict(self)))
+        """Plain values; what is one's own in full."""
+        values = json.loads(json.dumps(dataclasses.asdict(self)))
+        return values | {kind: json.loads(values[kind]) for kind in _OWN if values[kind].startswith("{")}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
@@ -88,6 +100,7 @@ class Task:
             if name not in valid:
                 raise unknown_name("training setting", name, valid)
         plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+        plain |= {kind: json.dumps(plain[kind]) for kind in _OWN if isinstance(plain.get(kind), Mapping)}
         return cls(**plain)
 
     @classmethod
@@ -197,7 +210,8 @@ class ImitationSettings(Task):
     """Steps of the teacher's forecast in each decision."""
     walks: tuple[float, ...] = (ADAPTIVE_WALK, ADAPTIVE_WALK, 0.0003, 0.004)
     """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
-    random walk of the inertia, per sqrt(s). It is told the mode, the network is not."""
+    random walk of the inertia, per sqrt(s). It is told the mode, the network is not. For a law of one's own it plans
+    with the first."""
     epochs: int = 20
     """Passes over all decisions in the last fit."""
     round_epochs: int = 6

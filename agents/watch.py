@@ -97,10 +97,10 @@ def main() -> int:
     pairing = settings.pairing
     with refusal():
         check_number("speed", settings.speed, strict=True)
-        pilots = pairing.pilots()
+        pilots, title = pairing.pilots(), pairing.title
     console = Console()
     try:
-        watch(pilots, f"{pairing.satellite}, {pairing.inertia} inertia", settings.speed, console)
+        watch(pilots, title, settings.speed, console)
     finally:
         console.show_cursor()  # rich does so as well, unless Ctrl-C came as it was about to begin
     return 0

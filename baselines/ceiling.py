@@ -10,10 +10,11 @@ import numpy as np
 from baselines.recording import record
 from satid_gym.bounds import envelope_bound, ideal_error, population_bound
 from satid_gym.estimators.settings import AdaptiveEKFSettings, MomentumEKFSettings, RateEKFSettings, brief
+from satid_gym.laws import InertiaLaw
 from satid_gym.metrics import final_error
 from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.problem import problem
-from satid_gym.satellite import SATELLITES
+from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 
 _WALKS = (0.0, *np.geomspace(1e-4, 0.01, 13).tolist())  # per sqrt(s)
@@ -47,21 +48,22 @@ class Ceiling:
         return {"bound": _final(self.bound), "ideal": _final(self.ideal)}
 
 
-def ceiling(satellite: str, mode: str, chosen: Sequence[int], scenario: Scenario) -> Ceiling:
+def ceiling(satellite: str | Satellite, mode: str | InertiaLaw, chosen: Sequence[int], scenario: Scenario) -> Ceiling:
     """What the truths of a cell's episodes allow.
 
     Raises:
         ValueError: the scenario's filter is neither the MomentumEKF nor the AdaptiveEKF.
     """
-    settings = problem(satellite, mode, scenario).estimator
+    posed = problem(satellite, mode, scenario)
+    (nominal,), settings = posed.satellites, posed.estimator
     if isinstance(settings, RateEKFSettings):
         raise ValueError(f"bounds are for the MomentumEKF's model; scenario {scenario.name!r} has {settings.name!r}")
     adaptive = isinstance(settings, AdaptiveEKFSettings)
     walks = _WALKS if adaptive else (settings.inertia_walk,)
     filters = [MomentumEKFSettings(parameters=settings.parameters, inertia_walk=walk) for walk in walks]
     recording = record(ZeroPolicy(), satellite=satellite, inertia=mode, seeds=chosen, scenario=scenario)
-    course, briefing = recording.course, brief(SATELLITES[satellite], scenario)
-    operated, static = scenario.operate(SATELLITES[satellite]), filters[0].replace(inertia_walk=0.0)
+    course, briefing = recording.course, brief(nominal, scenario)
+    operated, static = scenario.operate(nominal), filters[0].replace(inertia_walk=0.0)
     bound = envelope_bound(course, operated, briefing, static, recording.dt, law_known=True)
     decisions = slice(scenario.samples, None, scenario.samples)
 

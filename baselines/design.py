@@ -19,16 +19,18 @@ from tqdm import tqdm
 
 from baselines.ending import ended, refusal
 from baselines.provenance import command, revision, versions
-from baselines.tune import Trial, attempt, best, judge
+from baselines.tune import Trial, attempt, best, check_output, definitions, judge
 from satid_gym.bounds import Course, posterior_bound
-from satid_gym.config import check_names, check_number, check_whole
+from satid_gym.config import check_number, check_whole
 from satid_gym.control.planner import planning_walk
 from satid_gym.estimators.settings import MomentumEKFSettings, brief
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.policies.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
+from satid_gym.problem import ScenarioLike
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.selection import select_satellites, select_scenarios
 
 FRACTIONS = [0.05, 0.065, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]  # of the rate limit
 
@@ -52,20 +54,20 @@ class Design:
     episodes: int = 100
     """Tuning episodes that judge a share of the rate limit."""
     scenarios: tuple[str, ...] = tuple(name for name in SCENARIOS if name not in PREPARED_AS)
-    """Scenarios to design for."""
+    """Scenarios to design for: names, .json or .toml files, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
-    """Satellites to design for."""
+    """Satellites to design for: names, .json or .toml files, or module:name (runs the module's code)."""
     output: Path = DESIGNS
-    """JSON file that the policy reads."""
+    """JSON file that the policy reads; another one is taken by the option --designs of other commands."""
 
     def check(self) -> None:
         """Refuse what cannot be designed.
 
         Raises:
-            ValueError: a name is unknown or a number out of range.
+            ValueError: a name is unknown or taken by another, what a file holds is not valid, a number is out of
+                range, or what is one's own would be written among the shipped designs.
         """
-        check_names("scenario", self.scenarios, SCENARIOS)
-        check_names("satellite", self.satellites, SATELLITES)
+        check_output(self.satellites, self.scenarios, self.output, DESIGNS)
         for name in ("population", "rounds", "reversals", "episodes"):
             check_whole(name, getattr(self, name))
         check_whole("elite", self.elite, high=self.population)
@@ -120,7 +122,7 @@ def search(satellite: Satellite, scenario: Scenario, design: Design) -> tuple[np
     return found
 
 
-def fit(dwell: list[list[int]], satellite: Satellite, scenario: str, episodes: int) -> Trial:
+def fit(dwell: list[list[int]], satellite: Satellite, scenario: ScenarioLike, episodes: int) -> Trial:
     """The share of the rate limit that the rule of tuning chooses for a plan."""
     cell = {"satellite": satellite, "inertia": "random", "seeds": seeds("tuning", episodes)}
     trials = []
@@ -134,16 +136,17 @@ def fit(dwell: list[list[int]], satellite: Satellite, scenario: str, episodes: i
 def run(design: Design) -> dict[str, Any]:
     """Design and fit everything: the contents of the JSON file."""
     entries = []
-    cells = [(scenario, satellite) for scenario in design.scenarios for satellite in design.satellites]
+    scenarios, satellites = select_scenarios(design.scenarios), select_satellites(design.satellites)
+    cells = [(scenario, satellite) for scenario in scenarios for satellite in satellites]
     for scenario, satellite in tqdm(cells, desc="designing", unit="plan"):
-        plan, value = search(SATELLITES[satellite], SCENARIOS[scenario], design)
-        last = np.searchsorted(np.cumsum(plan, axis=1).min(axis=0), SCENARIOS[scenario].decisions)
+        plan, value = search(satellite, scenario, design)
+        last = np.searchsorted(np.cumsum(plan, axis=1).min(axis=0), scenario.decisions)
         dwell = plan[:, : last + 1].astype(int).tolist()
-        chosen = fit(dwell, SATELLITES[satellite], scenario, design.episodes)
+        chosen = fit(dwell, satellite, scenario, design.episodes)
         entries.append(
             {
-                "satellite": satellite,
-                "scenario": scenario,
+                "satellite": satellite.name,
+                "scenario": scenario.name,
                 "information_nats": value,
                 **chosen.settings,
                 "final_error": chosen.final_error,
@@ -157,7 +160,13 @@ def run(design: Design) -> dict[str, Any]:
         "command": command("baselines.design"),
         "revision": revision(),
         "versions": versions(),
-        "settings": {**dataclasses.asdict(design), "output": design.output.name},
+        "settings": {
+            **dataclasses.asdict(design),
+            "scenarios": [scenario.name for scenario in scenarios],
+            "satellites": [satellite.name for satellite in satellites],
+            "output": design.output.name,
+        },
+        "definitions": definitions(satellites, scenarios),
         "entries": entries,
     }
 

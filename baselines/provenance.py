@@ -19,10 +19,11 @@ def command(module: str, arguments: Iterable[str] | None = None) -> str:
     Of absolute paths it has the last name alone.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    return shlex.join(["python", "-m", module, *map(_portable, arguments)])
+    return shlex.join(["python", "-m", module, *map(portable, arguments)])
 
 
-def _portable(argument: str) -> str:
+def portable(argument: str) -> str:
+    """An argument without the folders of an absolute path."""
     option, sign, value = argument.rpartition("=")
     return f"{option}{sign}{Path(value).name}" if Path(value).is_absolute() else argument
 

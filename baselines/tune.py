@@ -25,15 +25,17 @@ from tqdm import tqdm
 
 from baselines.ending import ended, refusal
 from baselines.provenance import command, revision, versions
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_whole
 from satid_gym.control.planner import PLANNING_MARGIN
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.metrics import MOST_BEYOND, beyond_envelope
 from satid_gym.policies.registry import BASELINES, TUNED, UNTUNED, build
+from satid_gym.problem import ScenarioLike
 from satid_gym.profiles import PAPER_AMPLITUDES, PAPER_SCALES, PROFILES
 from satid_gym.satellite import SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.selection import select_satellites, select_scenarios
 
 HOPELESS = 0.1  # beyond this share more amplitude is not tried: it only leads further out
 AMPLITUDES = np.geomspace(0.0005, 1.0, 34).round(5).tolist()  # of the torque limit; a quarter apart
@@ -70,13 +72,13 @@ class Trial:
         return self.beyond <= MOST_BEYOND
 
 
-def grid(name: str, satellite: Satellite, scenario: str) -> list[list[Settings]]:
+def grid(name: str, satellite: Satellite, scenario: ScenarioLike) -> list[list[Settings]]:
     """Settings to try, in rows that lead further and further out of the envelope.
 
     Raises:
         ValueError: the baseline has no settings to tune.
     """
-    if name in PROFILES and scenario == "paper":
+    if name in PROFILES and scenario == "paper" and satellite.name in PAPER_SCALES:
         torque = PAPER_AMPLITUDES[name] * PAPER_SCALES[satellite.name]
         return [[{"amplitude": float(torque / satellite.wheels.max_torque.min())}]]
     if name in PROFILES:
@@ -104,7 +106,7 @@ def edge(trial: Trial) -> bool:
     return trial.settings.get("amplitude", 1.0) <= AMPLITUDES[0]
 
 
-def sweep(name: str, satellite: Satellite, scenario: str = "default", *, episodes: int = 100) -> list[Trial]:
+def sweep(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> list[Trial]:
     """All settings of a baseline that are worth trying, tried: the grid, and amplitudes close to the best of it."""
     count = max(1, episodes * 2 // 5) if name in PLANNERS else episodes
     trials: list[Trial] = []
@@ -122,13 +124,13 @@ def sweep(name: str, satellite: Satellite, scenario: str = "default", *, episode
     return trials
 
 
-def tune(name: str, satellite: Satellite, scenario: str = "default", *, episodes: int = 100) -> Trial:
+def tune(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> Trial:
     """Best settings of a baseline for any satellite in one of the scenarios."""
     idle = attempt("zero", {}, satellite, scenario, episodes=episodes)
     return best(sweep(name, satellite, scenario, episodes=episodes), idle.beyond)
 
 
-def attempt(name: str, settings: Settings, satellite: Satellite, scenario: str, *, episodes: int) -> Trial:
+def attempt(name: str, settings: Settings, satellite: Satellite, scenario: ScenarioLike, *, episodes: int) -> Trial:
     """Mean scores of one baseline with given settings over the tuning episodes."""
     flight = fly(
         build(name, settings),
@@ -155,11 +157,11 @@ class Tuning:
     episodes: int = 100
     """Episodes that judge a setting."""
     scenarios: tuple[str, ...] = ("default", "tight", "paper")
-    """Scenarios to tune for."""
+    """Scenarios to tune for: names, .json or .toml files, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = tuple(SATELLITES)
-    """Satellites to tune for."""
+    """Satellites to tune for: names, .json or .toml files, or module:name (runs the module's code)."""
     output: Path = TUNED
-    """JSON file that the baselines read."""
+    """JSON file that the baselines read; another one is taken by the option --tuned of other commands."""
     trials: Path | None = None
     """Where to write every setting tried, as JSON."""
 
@@ -167,32 +169,36 @@ class Tuning:
         """Refuse what cannot be tuned.
 
         Raises:
-            ValueError: a name is unknown or there is no episode.
+            ValueError: a name is unknown or taken by another, what a file holds is not valid, there is no episode, or
+                what is one's own would be written among the shipped settings.
         """
-        check_names("scenario", self.scenarios, SCENARIOS)
-        check_names("satellite", self.satellites, SATELLITES)
+        check_output(self.satellites, self.scenarios, self.output, TUNED)
         check_whole("episodes", self.episodes)
 
 
 def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Tune every baseline that has settings: the contents of the JSON file, and all trials behind them."""
     names = [name for name in BASELINES if name not in UNTUNED]
-    cells = [(s, satellite, name) for s in tuning.scenarios for satellite in tuning.satellites for name in names]
+    scenarios, satellites = select_scenarios(tuning.scenarios), select_satellites(tuning.satellites)
+    cells = [(s, satellite, name) for s in scenarios for satellite in satellites for name in names]
     entries: list[dict[str, Any]] = []
     tried: list[dict[str, Any]] = []
 
+    def flown(world: Scenario) -> ScenarioLike:
+        return world.name if world.name in SCENARIOS else world  # grids know "paper" by its name
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         idle = {
-            (s, satellite): attempt("zero", {}, SATELLITES[satellite], s, episodes=tuning.episodes).beyond
-            for s in tuning.scenarios
-            for satellite in tuning.satellites
+            (world.name, satellite.name): attempt("zero", {}, satellite, flown(world), episodes=tuning.episodes).beyond
+            for world in scenarios
+            for satellite in satellites
         }
-        sweeps = pool.map(lambda cell: sweep(cell[2], SATELLITES[cell[1]], cell[0], episodes=tuning.episodes), cells)
+        sweeps = pool.map(lambda cell: sweep(cell[2], cell[1], flown(cell[0]), episodes=tuning.episodes), cells)
         try:
             bar = tqdm(sweeps, total=len(cells), desc="tuning", unit="baseline")
-            for (scenario, satellite, name), trials in zip(cells, bar, strict=True):
-                place = {"policy": name, "satellite": satellite, "scenario": scenario}
-                chosen = best(trials, idle[scenario, satellite])
+            for (world, satellite, name), trials in zip(cells, bar, strict=True):
+                place = {"policy": name, "satellite": satellite.name, "scenario": world.name}
+                chosen = best(trials, idle[world.name, satellite.name])
                 entries.append({**place, **dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)})
                 tried += [{**place, **dataclasses.asdict(trial)} for trial in trials]
         except BaseException:
@@ -216,9 +222,30 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
             "rate_square.margin": MARGINS,
             "margin of planners": MARGINS,
         },
+        "definitions": definitions(satellites, scenarios),
         "entries": entries,
     }
     return tuned, tried
+
+
+def check_output(satellites: Sequence[str], scenarios: Sequence[str], output: Path, shipped: Path) -> None:
+    """Refuse satellites and scenarios that are not valid, and to write those of one's own into a shipped file.
+
+    Raises:
+        ValueError: one is unknown, not valid or has the name of another, or would be written among the shipped.
+    """
+    own = [x.name for x in (*select_satellites(satellites), *select_scenarios(scenarios))]
+    own = [name for name in own if name not in SATELLITES and name not in SCENARIOS]
+    if own and output.resolve() == shipped.resolve():
+        raise ValueError(f"{', '.join(own)} would replace the settings that are shipped: add --output FILE.json")
+
+
+def definitions(satellites: Sequence[Satellite], scenarios: Sequence[Scenario]) -> dict[str, Any]:
+    """In full, the satellites and scenarios that no catalogue has."""
+    return {
+        "satellites": {s.name: s.to_dict() for s in satellites if s.name not in SATELLITES},
+        "scenarios": {s.name: s.to_dict() for s in scenarios if s.name not in SCENARIOS},
+    }
 
 
 def main() -> int:

@@ -122,7 +122,8 @@ over the rate limit, less 1, where positive |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
 
     ## Arguments
-    Each takes a name, a mapping of plain values, or the dataclass behind it.
+    Each takes a name, a mapping of plain values, or the dataclass behind it; satellite, inertia and scenario also the
+    path of a .json or .toml file, or "module:name", whose code is run.
 
     | argument | default | values |
     |---|---|---|

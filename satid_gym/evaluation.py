@@ -14,9 +14,9 @@ import numpy as np
 from satid_gym import metrics
 from satid_gym.config import check_whole, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.laws import PAPER_LAWS
+from satid_gym.laws import PAPER_LAWS, InertiaLaw, LawRanges
 from satid_gym.policy import Policy, includes_covariance, missions
-from satid_gym.problem import InertiaLike, ScenarioLike, problem
+from satid_gym.problem import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
@@ -46,9 +46,10 @@ def seeds(split: Split, count: int, offset: int = 0) -> list[int]:
     return list(range(FIRST_SEED[split] + offset, FIRST_SEED[split] + offset + count))
 
 
-def benchmark_scenario(name: str = "default") -> Scenario:
-    """A scenario with the paper's exact inertia laws, as the benchmark flies it."""
-    return problem(scenario=name).scenario.replace(laws=PAPER_LAWS)
+def benchmark_scenario(scenario: ScenarioLike = "default") -> Scenario:
+    """A scenario with the paper's exact inertia laws, as the benchmark flies it; laws of its own it keeps."""
+    world = resolve_scenario(scenario)
+    return world.replace(laws=PAPER_LAWS) if world.laws == LawRanges() else world
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -151,6 +152,9 @@ def fly(
 
 def _step_time(inertia: InertiaLike, scenario: Scenario) -> float | None:
     """When the inertia steps, where all episodes step together."""
+    inertia = resolve_inertia(inertia)
+    if isinstance(inertia, InertiaLaw):
+        return inertia.time if inertia.mode == "step" else None
     if inertia == "step" and scenario.laws.step_time[0] == scenario.laws.step_time[1]:
         return scenario.laws.step_time[0] * scenario.horizon
     return None

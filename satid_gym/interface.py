@@ -10,6 +10,7 @@ from gymnasium import spaces
 
 from satid_gym.config import unknown_name
 from satid_gym.core.observation import BOUND
+from satid_gym.laws import InertiaLaw
 from satid_gym.problem import Problem, Templates, build_templates, resolve_inertia, resolve_satellites
 
 RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
@@ -81,7 +82,13 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> Templates:
         if count != p.wheels:
             raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {count}")
     changed = p.replace(satellites=satellites, inertia=resolve_inertia(options.get("inertia", p.inertia)))
-    return build_templates(changed, options.get("true_inertia"))
+    room = p.inertia.room if isinstance(p.inertia, InertiaLaw) else 1
+    if isinstance(changed.inertia, InertiaLaw) and changed.inertia.room > room:
+        raise ValueError(
+            f"the environment has no room for the {changed.inertia.label}'s knots: make it with a table of as many, "
+            "inertia=law"
+        )
+    return build_templates(changed, options.get("true_inertia"), room)
 
 
 DRAW_FAILED = (

@@ -5,13 +5,16 @@
     drift     f = t / time up to `time`, then 1          (fuel)
     periodic  f = sin(2 pi frequency t + phase)          (slosh)
 
-The change is a fraction of J0, or a tensor of its own.
+The change is a fraction of J0, or a tensor of its own. A law of one's own is a table, linear between its knots:
+
+    table     J(t) = factor(t) J0, or J(t) = J0 + D(t)
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
 import numpy as np
 
@@ -19,6 +22,9 @@ from satid_gym.config import Config, check_number, real_array
 
 InertiaMode = Literal["static", "step", "drift", "periodic"]
 INERTIA_MODES: tuple[InertiaMode, ...] = get_args(InertiaMode)
+TABLE = "table"  # no mode that episodes or benchmarks draw
+LAW_NAMES: tuple[str, ...] = (*INERTIA_MODES, TABLE)  # in the order of the core's numbers for them
+MOST_KNOTS = 8**5  # of a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,26 +32,34 @@ class InertiaLaw(Config):
     """One law with its numbers.
 
     Attributes:
-        mode: static, step, drift or periodic.
+        mode: static, step, drift, periodic or table.
         size: the change relative to J0: change = size J0.
         time: s; when the step comes, how long the drift takes to reach its full size.
         frequency: Hz, of the periodic law.
         phase: rad, of the periodic law.
         change: (3,) or (3, 3) kg m^2, body frame; an absolute change of the tensor in place of size J0.
+        times: (K,) s, increasing; the knots of a table.
+        values: of a table, at its knots: factors (K,), J(t) = factor J0, or changes D (K, 3) or (K, 3, 3), kg m^2,
+            body frame, J(t) = J0 + D. Linear between the knots, held before the first and after the last.
+        name: what tables call the law; "" for its mode.
 
     Raises:
         ValueError: the mode is unknown or a number is out of range.
     """
 
-    mode: InertiaMode
+    mode: Literal[InertiaMode, "table"]
     size: float = 0.0
     time: float = 150.0
     frequency: float = 0.0
     phase: float = 0.0
     change: np.ndarray | None = None
+    times: np.ndarray | None = None
+    values: np.ndarray | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._check_table()
         check_number("size of the inertia law", self.size, low=-1.0, strict=True)
         check_number("time of the inertia law", self.time, strict=self.mode == "drift")
         check_number("frequency of the inertia law", self.frequency)
@@ -56,6 +70,88 @@ class InertiaLaw(Config):
             if not np.allclose(tensor, tensor.T):
                 raise ValueError(f"change of the inertia law must be symmetric, got {tensor.tolist()}")
             object.__setattr__(self, "change", tensor)
+
+    def _check_table(self) -> None:
+        if self.mode != TABLE:
+            if self.times is not None or self.values is not None:
+                raise ValueError(f'times and values are those of a law with mode "table", this one is {self.mode!r}')
+            return
+        if self.times is None or self.values is None:
+            raise ValueError('a law with mode "table" needs times (K,) and values (K,), (K, 3) or (K, 3, 3)')
+        if self.size != 0.0 or self.change is not None:
+            raise ValueError("a table has its changes in `values`: leave out `size` and `change`")
+        times = real_array("times of the inertia law", self.times)
+        count = len(times) if times.ndim == 1 else 0
+        if not 1 <= count <= MOST_KNOTS or np.any(np.diff(times) <= 0.0):
+            raise ValueError(
+                f"times of the inertia law must be 1 to {MOST_KNOTS} increasing numbers of seconds, got shape "
+                f"{times.shape}" + (f" with {_first_fall(times)}" if 1 <= count <= MOST_KNOTS else "")
+            )
+        values = real_array("values of the inertia law", self.values, (count,), (count, 3), (count, 3, 3))
+        if values.ndim == 1 and np.any(values <= 0.0):
+            k = int(np.argmin(values))
+            raise ValueError(f"factors of the inertia law must be positive, got {values[k]:g} at {times[k]:g} s")
+        if values.ndim == 3 and not np.allclose(values, values.transpose(0, 2, 1)):
+            raise ValueError("values (K, 3, 3) of the inertia law must be symmetric tensors")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+    @property
+    def label(self) -> str:
+        """What tables call it."""
+        return self.name or self.mode
+
+    @property
+    def relative(self) -> bool:
+        """Whether the change is relative to J0: `size`, or a table of factors."""
+        return self.change is None if self.values is None else self.values.ndim == 1
+
+    @property
+    def changes(self) -> np.ndarray:
+        """(K, 3, 3) kg m^2, the tensors that are added to J0 on the way; none where the change is relative."""
+        if self.change is not None:
+            return self.change[None]
+        if self.values is None or self.values.ndim == 1:
+            return np.empty((0, 3, 3))
+        return self.values if self.values.ndim == 3 else self.values[:, :, None] * np.eye(3)
+
+    @property
+    def room(self) -> int:
+        """Knots that the core has room for, a power of 8: it is compiled once for each, not for every table."""
+        return 1 if self.times is None else 8 ** max(0, int(np.ceil(np.log2(len(self.times)) / 3.0)))
+
+    @classmethod
+    def sampled(
+        cls, function: Callable[[float], object], *, horizon: float = 300.0, period: float = 1.0, name: str = ""
+    ) -> Self:
+        """A table of what a function gives every `period` seconds, from 0 to `horizon`.
+
+        Between two samples the table is off by at most period^2 / 8 times the largest second derivative: 6e-5 of J0
+        for a wave of 3 % at 0.02 Hz sampled every second.
+
+        Args:
+            function: of the time, s: a factor of J0, or a change (3,) or (3, 3) in kg m^2 that is added to J0.
+            horizon: s; a whole number of periods.
+            period: s.
+            name: what tables call the law.
+
+        Raises:
+            ValueError: the periods do not fill the horizon, or what the function gives is not valid.
+        """
+        check_number("horizon of the inertia law", horizon, strict=True)
+        check_number("period of the inertia law", period, strict=True)
+        count = horizon / period
+        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) < MOST_KNOTS:
+            raise ValueError(
+                f"horizon / period of the inertia law must be a whole number below {MOST_KNOTS}, got {count:g}"
+            )
+        times = period * np.arange(round(count) + 1)
+        return cls("table", times=times, values=np.array([function(float(t)) for t in times]), name=name)
+
+
+def _first_fall(times: np.ndarray) -> str:
+    k = int(np.argmax(np.diff(times) <= 0.0))
+    return f"{times[k + 1]:g} after {times[k]:g}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

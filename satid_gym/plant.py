@@ -7,27 +7,24 @@ import numpy as np
 from satid_gym.core import kernels
 from satid_gym.core.records import plant_dtype
 from satid_gym.disturbance import Disturbance
-from satid_gym.laws import INERTIA_MODES, InertiaLaw
+from satid_gym.laws import LAW_NAMES, TABLE, InertiaLaw
 from satid_gym.satellite import Satellite, inertia_tensor
 
 
 def new_plant(
-    satellite: Satellite, law: InertiaLaw | None = None, disturbance: Disturbance | None = None
+    satellite: Satellite, law: InertiaLaw | None = None, disturbance: Disturbance | None = None, room: int = 1
 ) -> np.ndarray:
-    """One row of truth at rest at time 0: the satellite as nominal, without noise.
+    """One row of truth at rest at time 0: the satellite as nominal, without noise; room for so many knots or more.
 
     Raises:
         ValueError: the law would make the inertia unphysical on its way.
     """
     wheels, law, disturbance = satellite.wheels, law or InertiaLaw("static"), disturbance or Disturbance()
-    rows = np.zeros(1, plant_dtype(wheels.count))
+    rows = np.zeros(1, plant_dtype(wheels.count, max(room, law.room)))
     row = rows[0]
     row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia
     row["torque_max"], row["wheel_speed_max"] = wheels.max_torque, wheels.max_speed
-    row["inertia"] = satellite.inertia
-    row["law"] = INERTIA_MODES.index(law.mode)
-    row["change"] = law.size * satellite.inertia if law.change is None else law.change
-    row["law_time"], row["law_frequency"], row["law_phase"] = law.time, law.frequency, law.phase
+    _write_law(row, law, satellite.inertia)
     row["stepped"] = law.mode == "step" and law.time <= 0.0
     _check_law(satellite, law, row["change"])
     for name in ("solar_force", "solar_offset"):
@@ -39,8 +36,32 @@ def new_plant(
     return rows
 
 
+def _write_law(row: np.void, law: InertiaLaw, inertia: np.ndarray) -> None:
+    row["inertia"], row["law"] = inertia, LAW_NAMES.index(law.mode)
+    row["law_time"], row["law_frequency"], row["law_phase"] = law.time, law.frequency, law.phase
+    if law.mode != TABLE:
+        row["change"] = law.size * inertia if law.change is None else law.change
+        return
+    changes = table_changes(law, inertia)
+    row["knots"] = count = len(changes)
+    row["knot_time"][:count] = law.times
+    row["knot_change"][:count] = changes[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
+def table_changes(law: InertiaLaw, inertia: np.ndarray) -> np.ndarray:
+    """J(t) - J0 at the knots of a table, (K, 3, 3) kg m^2."""
+    assert law.values is not None
+    if law.relative:
+        return (law.values - 1.0)[:, None, None] * inertia
+    return law.changes
+
+
 def _check_law(satellite: Satellite, law: InertiaLaw, change: np.ndarray) -> None:
-    """The physical tensors are a convex cone, so the ends of the law decide for all between."""
+    """The physical tensors are a convex cone, so the ends or knots of the law decide for all between."""
+    if law.times is not None:
+        for time, own in zip(law.times, table_changes(law, satellite.inertia), strict=True):
+            inertia_tensor(satellite.inertia + own, f"inertia of {satellite.name} at {time:g} s of its {law.label}")
+        return
     factors = {"static": (), "step": (1.0,), "drift": (1.0,), "periodic": (-1.0, 1.0)}[law.mode]
     for factor in factors:
         inertia_tensor(satellite.inertia + factor * change, f"inertia of {satellite.name} at the end of its {law.mode}")
@@ -57,13 +78,9 @@ def law_inertia(law: InertiaLaw, inertia: np.ndarray, times: np.ndarray) -> np.n
     Returns:
         (N, 3, 3) kg m^2.
     """
-    tensor = inertia_tensor(inertia)
     times = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    rows = np.zeros(1, plant_dtype(3))
-    row = rows[0]
-    row["inertia"], row["law"] = tensor, INERTIA_MODES.index(law.mode)
-    row["change"] = law.size * tensor if law.change is None else law.change
-    row["law_time"], row["law_frequency"], row["law_phase"] = law.time, law.frequency, law.phase
+    rows = np.zeros(1, plant_dtype(3, law.room))
+    _write_law(rows[0], law, inertia_tensor(inertia))
     out = np.empty((len(times), 3, 3))
     kernels.law_inertia(rows, times, out)
     return out

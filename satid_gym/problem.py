@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from satid_gym import sources
 from satid_gym.config import Config, check_whole, unknown_name
 from satid_gym.core.observation import layout
 from satid_gym.core.records import draw_dtype, task_dtype
@@ -25,7 +26,7 @@ from satid_gym.estimators.settings import (
     products_of_inertia,
 )
 from satid_gym.faults import Faults
-from satid_gym.laws import INERTIA_MODES, InertiaLaw, LawRanges
+from satid_gym.laws import INERTIA_MODES, TABLE, InertiaLaw, LawRanges
 from satid_gym.plant import new_plant
 from satid_gym.reward import CRITERIA, NUMBERS, RewardSettings, reward_settings
 from satid_gym.satellite import SATELLITES, Satellite, inertia_tensor
@@ -74,13 +75,14 @@ class Problem(Config):
 
     def _products(self) -> str:
         """What has products of inertia about the body axes, in words; "" where nothing has."""
-        change = self.inertia.change if isinstance(self.inertia, InertiaLaw) else None
+        changes = self.inertia.changes if isinstance(self.inertia, InertiaLaw) else ()
         for satellite in self.satellites:
             moments = np.diag(satellite.inertia)
             if found := products_of_inertia(satellite.inertia, moments):
                 return f"satellite {satellite.name!r} has products of inertia about the body axes, {found}"
-            if change is not None and (found := products_of_inertia(change, moments)):
-                return f"the inertia law's change has products of inertia about the body axes, {found}"
+            for change in changes:
+                if found := products_of_inertia(change, moments):
+                    return f"the inertia law's change has products of inertia about the body axes, {found}"
         if self.scenario.tilt_std > 0.0:
             return f"the scenario tilts the principal axes out of the body axes, tilt_std = {self.scenario.tilt_std:g}"
         return ""
@@ -134,7 +136,7 @@ def problem(
     Raises:
         ValueError: a name is unknown or a value is not valid.
     """
-    world = _scenario(scenario)
+    world = resolve_scenario(scenario)
     if max_episode_steps is not None:
         steps = check_whole("max_episode_steps", max_episode_steps)
         world = world.replace(horizon=steps * world.decision_period)
@@ -154,7 +156,7 @@ def problem(
 
 
 def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
-    """The satellites that a name, a satellite, a mapping or a list of these stands for.
+    """The satellites that a name, a file, module:name, a satellite, a mapping or a list of these stands for.
 
     Raises:
         ValueError: a name is unknown or a value is not valid.
@@ -164,7 +166,10 @@ def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
     if isinstance(satellite, (str, Satellite, Mapping)):
         return (_satellite(satellite),)
     if not isinstance(satellite, Sequence) or not satellite:
-        raise ValueError(f"satellite must be a name, a Satellite, a mapping or a list of these, got {satellite!r}")
+        raise ValueError(
+            "satellite must be a name, a file, module:name, a Satellite, a mapping or a list of these, "
+            f"got {satellite!r}"
+        )
     return tuple(_satellite(s) for s in satellite)
 
 
@@ -173,13 +178,15 @@ def _satellite(value: str | Satellite | Mapping[str, Any]) -> Satellite:
         return value
     if isinstance(value, Mapping):
         return Satellite.from_dict(value)
-    if not isinstance(value, str) or value not in SATELLITES:
-        raise unknown_name("satellite", value, [*SATELLITES, "random"])
-    return SATELLITES[value]
+    if isinstance(value, str) and value in SATELLITES:
+        return SATELLITES[value]
+    if not sources.is_source(value):
+        raise sources.unknown("satellite", value, [*SATELLITES, "random"])
+    return sources.load(value, Satellite, Satellite.from_dict)
 
 
 def resolve_inertia(value: InertiaLike) -> str | InertiaLaw:
-    """The law or mode that a name, a law or a mapping stands for.
+    """The law or mode that a name, a file, module:name, a law or a mapping stands for.
 
     Raises:
         ValueError: a name is unknown or a value is not valid.
@@ -188,22 +195,40 @@ def resolve_inertia(value: InertiaLike) -> str | InertiaLaw:
         return value
     if isinstance(value, Mapping):
         return InertiaLaw.from_dict(value)
-    if not isinstance(value, str) or value not in ("random", *INERTIA_MODES):
-        raise unknown_name("inertia mode", value, ["random", *INERTIA_MODES])
-    return value
+    if isinstance(value, str) and value in ("random", *INERTIA_MODES):
+        return value
+    if not sources.is_source(value):
+        raise sources.unknown("inertia mode", value, ["random", *INERTIA_MODES])
+    return sources.load(value, InertiaLaw, InertiaLaw.from_dict)
 
 
-def _scenario(value: ScenarioLike) -> Scenario:
+def resolve_scenario(value: ScenarioLike) -> Scenario:
+    """The scenario that a name, a file, module:name, a scenario or a mapping stands for.
+
+    A mapping changes settings of the scenario that it names as its `base`, or else by its own name.
+
+    Raises:
+        ValueError: a name is unknown or a value is not valid.
+    """
     if isinstance(value, Scenario):
         return value
     if isinstance(value, Mapping):
-        base = value.get("name", "default")
-        if isinstance(base, str) and base in SCENARIOS:
-            return SCENARIOS[base].replace(**value)
-        return Scenario.from_dict(value)
-    if not isinstance(value, str) or value not in SCENARIOS:
-        raise unknown_name("scenario", value, SCENARIOS)
-    return SCENARIOS[value]
+        return _changed_scenario(value)
+    if isinstance(value, str) and value in SCENARIOS:
+        return SCENARIOS[value]
+    if not sources.is_source(value):
+        raise sources.unknown("scenario", value, SCENARIOS)
+    return sources.load(value, Scenario, _changed_scenario)
+
+
+def _changed_scenario(value: Mapping[str, Any]) -> Scenario:
+    changes = dict(value)
+    base = changes.pop("base", changes.get("name", "default"))
+    if isinstance(base, str) and base in SCENARIOS:
+        return SCENARIOS[base].replace(**changes)
+    if "base" in value:
+        raise unknown_name("base of a scenario", base, SCENARIOS)
+    return Scenario.from_dict(changes)
 
 
 @dataclass(frozen=True)
@@ -222,20 +247,20 @@ class Templates:
         return self.plants, self.beliefs, self.tasks
 
 
-def build_templates(p: Problem, inertia: np.ndarray | None = None) -> Templates:
-    """Templates of a problem; a true `inertia` (3,) or (3, 3) takes the place of the drawn one.
+def build_templates(p: Problem, inertia: np.ndarray | None = None, room: int = 1) -> Templates:
+    """Templates of a problem, with room for so many knots or more; a true `inertia` replaces the drawn one.
 
     Raises:
         ValueError: `inertia` is no rigid body's, or has products that the problem's filter leaves out.
     """
-    rows = [_template(p, satellite, inertia) for satellite in p.satellites]
+    rows = [_template(p, satellite, inertia, room) for satellite in p.satellites]
     columns = zip(*rows, strict=True)
     draws, plants, beliefs, tasks = (np.concatenate(parts).view(parts[0].dtype) for parts in columns)
     tasks["template"] = np.arange(len(tasks))
     return Templates(p.satellites, draws, plants, beliefs, tasks)
 
 
-def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> tuple[np.ndarray, ...]:
+def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None, room: int) -> tuple[np.ndarray, ...]:
     scenario = p.scenario
     operating = scenario.operate(satellite)
     law = p.inertia if isinstance(p.inertia, InertiaLaw) else None
@@ -247,7 +272,7 @@ def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> t
     true = operating if inertia is None else operating.replace(inertia=inertia_tensor(inertia, "true inertia"))
     if inertia is not None and (found := products_of_inertia(true.inertia, np.diag(true.inertia))):
         p.check_parameters(f"the true inertia has products of inertia about the body axes, {found}")
-    plants = new_plant(true, law, disturbance)
+    plants = new_plant(true, law, disturbance, room)
     plant = plants[0]
     plant["torque_noise_std"] = scenario.torque_noise * operating.wheels.max_torque
     plant["torque_lag"] = scenario.torque_lag
@@ -258,7 +283,7 @@ def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None) -> t
     briefing = brief(satellite, scenario)
     beliefs = new_belief(briefing, p.estimator)
     tasks = _task(p, operating, briefing.inertia)
-    draws = _draw(p, operating, law)
+    draws = _draw(p, operating, law, room)
     if inertia is not None:
         draws["inertia_std"] = draws["tilt_std"] = 0.0
     return draws, plants, beliefs, tasks
@@ -283,9 +308,9 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None) -> np.ndarray:
+def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:
     scenario = p.scenario
-    rows = np.zeros(1, draw_dtype())
+    rows = np.zeros(1, draw_dtype(max(room, law.room if law is not None else 1)))
     draw = rows[0]
     draw["inertia_std"], draw["tilt_std"] = scenario.inertia_std, scenario.tilt_std
     draw["wheel_speed_range"] = scenario.wheel_speed_range
@@ -300,7 +325,10 @@ def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None) -> np.ndarra
         draw["law_probability"] = [mode == law.mode for mode in INERTIA_MODES]
         draw["law_size"], draw["law_time"] = law.size, law.time
         draw["law_frequency"], draw["law_phase"] = law.frequency, law.phase
-        draw["change_given"] = law.change is not None
+        draw["change_given"] = not law.relative
+        if law.mode == TABLE and law.relative:
+            assert law.values is not None
+            draw["knot_size"][: len(law.values)] = law.values - 1.0
     _write_faults(draw, scenario.faults, scenario.horizon)
     return rows
 

@@ -149,7 +149,7 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
         super().__init__(num_envs, **settings)
         self.seconds = 0.0
         self._loop = None if margin is None else RateLoop(missions(self.vector_env.problem), margin)
-        self._observations = np.zeros((num_envs, self.vector_env.single_observation_space.shape[0]), np.float32)
+        self._observations = np.empty((num_envs, 0), np.float32)  # until reset
         self._rows = np.full(num_envs, -1)
         if self._loop is not None:
             self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)

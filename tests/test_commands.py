@@ -21,7 +21,11 @@ MISSPELT = [
     ("agents.combine nowhere --epochs 0", "epochs must be a whole number of at least 1, got 0"),
     ("agents.compare --scenario tihgt", "unknown scenario 'tihgt'", "Did you mean 'tight'?"),
     ("agents.compare --satellites", "name at least one satellite"),
-    ("agents.compare --policies rate_squares", "unknown policy 'rate_squares'", "Did you mean 'rate_square'?"),
+    (
+        "agents.compare --policies rate_squares",
+        "unknown policy (no such file either) 'rate_squares'",
+        "Did you mean 'rate_square'?",
+    ),
     ("agents.compare --seed-split tests", "unknown split of seeds 'tests'", "Did you mean 'test'?"),
     ("agents.compare --episodes 1", "at least 2"),
     ("agents.evaluate generalists", "'generalists'", "Did you mean 'generalist'?"),

@@ -192,7 +192,7 @@ def test_percent(fraction, text):
     [
         ("--satellites cubsat", "unknown satellite 'cubsat'; expected one of ['cubesat', 'microsat', 'smallsat']"),
         ("--modes steps", "unknown inertia mode 'steps'"),
-        ("--policies sinus", "unknown policy 'sinus'"),
+        ("--policies sinus", "unknown policy (no such file either) 'sinus'"),
         ("--scenario tihgt", "unknown scenario 'tihgt'"),
         ("--seed-split tests", "unknown split of seeds 'tests'"),
         ("--episodes 1", "episodes must be at least 2"),

@@ -140,7 +140,10 @@ REFUSED = {
     # problem
     "covariance": (lambda: problem(include_covariance=1), "include_covariance must be True or False, got 1"),
     "satellite": (lambda: problem("micosat"), "unknown satellite 'micosat'; expected one of .*mean 'microsat'?"),
-    "satellite's type": (lambda: problem(3), "satellite must be a name, a Satellite, a mapping or a list of these"),
+    "satellite's type": (
+        lambda: problem(3),
+        "satellite must be a name, a file, module:name, a Satellite, a mapping or a list of these",
+    ),
     "no satellite": (lambda: problem([]), "satellite must be a name"),
     "inertia": (lambda: problem(inertia="peroidic"), "unknown inertia mode 'peroidic'.*mean 'periodic'?"),
     "scenario": (lambda: problem(scenario="papre"), "unknown scenario 'papre'.*Did you mean 'paper'?"),
@@ -180,7 +183,7 @@ def test_satellites_of_one_environment_need_as_many_wheels(pyramid):
 
 
 def test_unknown_name_without_a_near_one_gives_no_hint():
-    with pytest.raises(ValueError, match=r"unknown satellite 'qqq'; expected one of \[.*\]\.$"):
+    with pytest.raises(ValueError, match=r"unknown satellite 'qqq'; expected one of \[.*\]\. Or the path of"):
         problem("qqq")
 
 

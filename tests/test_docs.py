@@ -166,12 +166,19 @@ def test_command_exists(command, tmp_path, monkeypatch):
             assert not arguments, f"{module} takes no options"
         elif arguments:
             monkeypatch.chdir(tmp_path)
+            for name, text in WRITTEN:
+                (tmp_path / name).write_text(text)
             if "--resume" in arguments:
                 run = tmp_path / arguments[arguments.index("--run") + 1]
                 run.mkdir(parents=True)
                 (run / "run.json").write_text(json.dumps({"settings": TrainSettings().to_dict()}))
             with pytest.raises(ParsedError):
                 parse(module, arguments, monkeypatch)
+
+
+WRITTEN = re.findall(
+    r'Path\("([\w.]+)"\)\.write_text\("""(.*?)"""\)', PAGES["extend.md"], flags=re.DOTALL
+)  # files to fly
 
 
 def test_a_wrong_option_would_be_noticed(monkeypatch):

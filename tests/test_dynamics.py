@@ -35,12 +35,15 @@ ALL_TORQUES = Disturbance(
     solar_offset=(0.02, -0.03, 0.05),
     orbit_rate=0.02,  # twenty times the real one, so that a wrong nadir shows within two minutes
 )
+TILTED = np.array([[0.5, 0.1, 0.0], [0.1, 0.4, -0.2], [0.0, -0.2, 0.3]])
 LAWS = {
     "static": InertiaLaw("static"),
     "step": InertiaLaw("step", size=0.1, time=61.37),
     "drift": InertiaLaw("drift", size=0.05, time=300.0),
     "periodic": InertiaLaw("periodic", size=0.03, frequency=0.02, phase=0.4),
     "deployment": InertiaLaw("step", time=33.3, change=[[0.5, 0.1, 0.0], [0.1, 0.4, -0.2], [0.0, -0.2, 0.3]]),
+    "factors": InertiaLaw("table", times=(10.3, 41.7, 42.1, 95.9, 250.0), values=(0.95, 1.0, 1.07, 1.02, 1.1)),
+    "tensors": InertiaLaw("table", times=(0.0, 33.3, 71.1), values=[0.0 * TILTED, 0.3 * TILTED, TILTED]),
 }
 
 
@@ -67,6 +70,13 @@ def factor(law: InertiaLaw, t: float, after_step: bool) -> tuple[float, float]:
     return 0.0, 0.0
 
 
+def table_inertia(law: InertiaLaw, inertia: np.ndarray, t: float) -> np.ndarray:
+    """J(t) of a table, entry by entry."""
+    knots = [inertia * value if np.ndim(value) == 0 else inertia + value for value in law.values]
+    entries = [np.interp(t, law.times, column) for column in np.reshape(knots, (-1, 9)).T]
+    return np.reshape(entries, (3, 3))
+
+
 @dataclass
 class Textbook:
     """Euler's equations with wheels in (omega, Omega, body-to-inertial matrix), by DOP853 with located events.
@@ -87,8 +97,11 @@ class Textbook:
         self.change = self.law.size * self.satellite.inertia if change is None else change
         self.held = np.zeros(self.n, bool)
         self.stepped = False
+        self.growth = np.zeros((3, 3))
 
     def inertia(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        if self.law.mode == "table":
+            return table_inertia(self.law, self.satellite.inertia, t), self.growth
         f, slope = factor(self.law, t, self.stepped)
         return self.satellite.inertia + f * self.change, slope * self.change
 
@@ -153,6 +166,10 @@ class Textbook:
             stop = end
             if self.law.mode == "step" and not self.stepped:
                 stop = min(end, self.law.time)
+            if self.law.mode == "table":
+                stop = min([end, *(knot for knot in self.law.times if knot > t)])
+                after, before = (table_inertia(self.law, self.satellite.inertia, at) for at in (stop, t))
+                self.growth = (after - before) / (stop - t)
             solution = solve_ivp(slope, (t, stop), y, "DOP853", events=self.events(u), rtol=1e-12, atol=1e-14)
             assert solution.status >= 0, solution.message
             t, y = solution.t[-1], solution.y[:, -1].copy()
@@ -209,6 +226,8 @@ def test_momentum_is_conserved_while_wheels_saturate(name, mode, pyramid):
     wheels = satellite.wheels
     if law.change is not None:
         law = InertiaLaw("step", time=33.3, change=0.07 * satellite.inertia)
+    if mode == "tensors":
+        law = law.replace(values=[0.0 * satellite.inertia, 0.1 * satellite.inertia, -0.05 * satellite.inertia])
     start = 0.9 * wheels.max_speed * np.resize([1.0, -1.0, 1.0, -1.0], wheels.count)
     torque = np.tile(np.sign(start) * 5.0 * wheels.max_torque, (3000, 1))
     torque[300:] *= -1.0
@@ -380,7 +399,7 @@ def test_equals_the_textbook(name, disturbance, law, request):
     np.testing.assert_allclose(matrices, expected[:, 3 + oracle.n :], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("mode", ["static", "drift", "periodic"])
+@pytest.mark.parametrize("mode", ["static", "drift", "periodic", "factors", "tensors"])
 @pytest.mark.parametrize("name", ["microsat", "pyramid"])
 @pytest.mark.compiled
 def test_equals_the_textbook_while_wheels_saturate(name, mode, request):
@@ -411,6 +430,8 @@ SHORT_LAWS = {
     "drift": InertiaLaw("drift", size=0.3, time=1.3),
     "periodic": InertiaLaw("periodic", size=0.2, frequency=0.4, phase=0.4),
     "deployment": InertiaLaw("step", time=0.33, change=[[0.5, 0.1, 0.0], [0.1, 0.4, -0.2], [0.0, -0.2, 0.3]]),
+    "factors": InertiaLaw("table", times=(0.05, 0.31, 0.4137, 0.9), values=(1.0, 1.3, 0.9, 1.2)),
+    "tensors": InertiaLaw("table", times=(0.0, 0.33, 0.71), values=[0.1 * TILTED, TILTED, 0.0 * TILTED]),
 }
 STRONG_TORQUES = Disturbance(
     constant=(0.04, -0.03, 0.02),
@@ -622,6 +643,8 @@ def test_plant_flies_the_law_it_is_scored_against(law, skewed):
     after = flight.time >= law.time
     f = np.array([factor(law, t, late)[0] for t, late in zip(flight.time, after, strict=True)])
     expected = skewed.inertia + f[:, None, None] * change
+    if law.mode == "table":
+        expected = np.array([table_inertia(law, skewed.inertia, t) for t in flight.time])
     np.testing.assert_allclose(flight.inertia, expected, rtol=1e-12)
     np.testing.assert_allclose(law_inertia(law, skewed.inertia, flight.time), expected, rtol=1e-12)
 
@@ -666,6 +689,10 @@ def test_paper_laws():
         ({"disturbance": (1.0, np.inf, 0.0)}, "disturbance must be finite"),
         ({"law": InertiaLaw("step", time=2.0, change=(20.0, 0.0, 0.0))}, "triangle inequality"),
         ({"law": InertiaLaw("periodic", change=(7.0, 7.0, 7.0))}, "positive definite"),
+        (
+            {"law": InertiaLaw("table", times=(0.0, 2.0), values=[(0.0, 0.0, 0.0), (20.0, 0.0, 0.0)], name="boom")},
+            "inertia of microsat at 2 s of its boom breaks the triangle inequality",
+        ),
     ],
 )
 def test_simulate_says_what_is_wrong(changes, message, microsat):

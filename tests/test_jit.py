@@ -1,5 +1,10 @@
 """How the core is compiled: its parts, and the compiler's cache for what numba's own leaves open."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -60,3 +65,31 @@ def test_processes_that_save_at_once_do_not_take_each_others_files(tmp_path):
 @pytest.mark.compiled
 def test_kernels_use_it():
     assert type(kernels.start_filter._cache._cache_file) is NamedByContent
+
+
+LAWS = """
+import sys
+import numpy as np
+from satid_gym import InertiaLaw
+from satid_gym.plant import law_inertia
+
+for knots in map(int, sys.argv[1:]):
+    law = InertiaLaw("table", times=np.arange(knots), values=1.0 + np.arange(knots))
+    np.testing.assert_array_equal(law_inertia(law, np.ones(3), (0.5, 2.0))[:, 0, 0], (1.5, 3.0))
+"""
+
+
+@pytest.mark.compiled
+def test_kernels_that_two_processes_compiled_are_told_apart_by_a_third(tmp_path):
+    """Numba numbers record types by process, and names their kernels by the numbers."""
+    for knots in (["4"], ["20"], ["4", "20"], ["20", "4"]):
+        done = subprocess.run(
+            [sys.executable, "-c", LAWS, *knots],
+            cwd=Path(__file__).parent.parent,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr

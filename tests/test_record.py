@@ -16,6 +16,7 @@ from baselines.ending import ended
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.shipped import PRETRAINED
 from satid_gym.policy import Mission
 
 PAIRING = Pairing(policy="generalist", horizon=10.0)
@@ -75,8 +76,7 @@ def test_a_pilot_far_outside_its_limits_stops():
 
 
 def test_a_policy_by_the_path_of_its_files():
-    path = Path(record.__file__).parent / "pretrained" / "generalist"
-    assert Pairing(policy=str(path), horizon=10.0).pilots()[0].name == "generalist"
+    assert Pairing(policy=str(PRETRAINED / "generalist"), horizon=10.0).pilots()[0].name == "generalist"
 
 
 def test_pilots_see_what_their_policies_ask_for(tmp_path):

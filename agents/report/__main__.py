@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tyro
 
-from agents.report.page import rebuild
+from agents.report.page import file_names, rebuild
 from baselines.ending import ended
 from satid_gym.config import unknown_name
 from satid_gym.scenario import SCENARIOS
@@ -21,14 +21,15 @@ class Report:
     results: Path = Path("results")
     """Folder with compare.json and report_data.json; the page is written beside them."""
     scenario: str = "default"
-    """Which comparison: default, tight, paper or faults."""
+    """Which comparison: default, tight, paper or faults, or the name of a scenario of your own."""
 
 
 def main() -> int:
     """Make the page that the command line asks for; the exit code."""
     report = tyro.cli(Report, description=__doc__)
     try:
-        if report.scenario not in SCENARIOS:
+        file = report.results / file_names(report.scenario)["results"]
+        if report.scenario not in SCENARIOS and not file.is_file():
             raise unknown_name("scenario", report.scenario, SCENARIOS)
         path = rebuild(report.results, report.scenario)
     except (FileNotFoundError, ValueError) as error:

@@ -11,10 +11,14 @@ from agents.report.curves import rounded
 from agents.tables import inside
 from baselines.recording import Recording, record
 from satid_gym.estimators.settings import inertia_tensors
+from satid_gym.laws import InertiaLaw
 from satid_gym.policy import Policy
+from satid_gym.problem import resolve_satellites
 from satid_gym.profiles import PROFILES
-from satid_gym.satellite import SATELLITES
+from satid_gym.rendering.scene import box
+from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
+from satid_gym.selection import label
 
 Record = Mapping[str, Any]
 
@@ -23,7 +27,7 @@ _INTERVAL = 0.5  # s between two instants that are kept
 
 
 def episode_cell(satellites: Sequence[str], modes: Sequence[str]) -> tuple[str, str]:
-    """Satellite and inertia mode whose first seed is shown."""
+    """Names of the satellite and of the inertia mode whose first seed is shown."""
     satellite, mode = _CELL
     return satellite if satellite in satellites else satellites[0], mode if mode in modes else modes[0]
 
@@ -42,7 +46,13 @@ def protagonists(records: Sequence[Record]) -> list[str]:
 
 
 def fly_episode(
-    policies: Sequence[Policy], *, satellite: str, mode: str, seed: int, scenario: Scenario, shown: Sequence[str] = ()
+    policies: Sequence[Policy],
+    *,
+    satellite: str | Satellite,
+    mode: str | InertiaLaw,
+    seed: int,
+    scenario: Scenario,
+    shown: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Fly the episode of a seed with each policy; plain values, SI units, body frame unless said otherwise.
 
@@ -57,8 +67,9 @@ def fly_episode(
         `rate` (3, T), `wheel_speed` (n, T), `momentum` (3, T) and `attitude` (4, T), body to inertial, scalar last.
         A flight that is terminated ends there: its series are shorter than `time`.
     """
-    operated = scenario.operate(SATELLITES[satellite])
-    assert operated.size is not None  # of those that come with the library
+    (nominal,) = resolve_satellites(satellite)
+    operated = scenario.operate(nominal)
+    size = box(operated)[0] if operated.size is None else operated.size
     ends = scenario.termination_factor * operated.rate_limit
     flights: list[dict[str, Any]] = []
     common: dict[str, Any] = {"time": [], "inertia": []}
@@ -70,11 +81,11 @@ def fly_episode(
             moments = np.diagonal(recording.course.inertia[0], axis1=1, axis2=2)
             common = {"time": rounded(recording.dt * kept, 6), "inertia": _rows(moments[kept], 6)}
     return {
-        "satellite": satellite,
-        "inertia_mode": mode,
+        "satellite": operated.name,
+        "inertia_mode": label(mode),
         "seed": seed,
         "horizon": scenario.horizon,
-        "size": operated.size.tolist(),
+        "size": size.tolist(),
         "rate_limit": operated.rate_limit,
         "wheel_axes": operated.wheels.axes.T.tolist(),
         "wheel_speed_limit": operated.wheels.max_speed.tolist(),

@@ -49,7 +49,7 @@ def _rows(module: griffe.Module, options: griffe.Class) -> Iterator[str]:
         if not field.docstring and field.annotation:  # its fields stand among the options themselves
             nested = next(name for name in re.findall(r"[A-Z]\w+", str(field.annotation)) if name != "Annotated")
             target = module[nested].final_target if module[nested].is_alias else module[nested]
-            yield from _rows(module, target)
+            yield from _rows(target.module, target)
         elif field.docstring:
             flag = field.name if "Positional" in str(field.annotation) else f"--{field.name.replace('_', '-')}"
             if str(field.value).startswith("field("):  # settings with fields of their own

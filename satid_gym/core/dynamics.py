@@ -6,8 +6,8 @@
 Motor torque is internal and does not appear in dM/dt, so momentum is conserved by construction, when a wheel
 saturates and when J varies as well. A wheel at its speed limit is locked to the body at that speed: it
 contributes the constant j Omega to M and its inertia to the body, which is the same as the motor giving
-just the torque that holds the limit. Steps of J and wheels reaching their limit are met exactly: the step
-of the integrator ends there.
+just the torque that holds the limit. Steps of J, knots of its table and wheels reaching their limit are met
+exactly: the step of the integrator ends there.
 Source: Hughes, Spacecraft Attitude Dynamics (1986), ch. 6; the locked form follows from it.
 """
 
@@ -30,7 +30,7 @@ from satid_gym.core.algebra import (
     subtract,
 )
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.records import DRIFT, PERIODIC, STEP
+from satid_gym.core.records import DRIFT, PERIODIC, STEP, TABLE
 
 _AT_LIMIT = 1e-11  # relative to the speed limit
 _MOST_TURN = 0.5  # rad, that body and momentum may turn against each other in one Runge-Kutta step
@@ -65,8 +65,60 @@ def law_slope(plant, t):
 
 
 @inline
+def _knot_before(plant, t):
+    """Index of the last knot of the table at or before t; -1 before the first."""
+    low, high = -1, plant.knots
+    while high - low > 1:
+        middle = (low + high) // 2
+        if plant.knot_time[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@inline
+def _knot_change(plant, i):
+    d = plant.knot_change[i]
+    return d[0], d[1], d[2], d[3], d[4], d[5]
+
+
+@outline
+def _table_change(plant, t):
+    """D(t) of a table (symmetric): linear between knots, held before the first and after the last."""
+    i = _knot_before(plant, t)
+    if i < 0:
+        return _knot_change(plant, 0)
+    if i == plant.knots - 1:
+        return _knot_change(plant, i)
+    share = (t - plant.knot_time[i]) / (plant.knot_time[i + 1] - plant.knot_time[i])
+    rest = axpy_symmetric(-share, _knot_change(plant, i), _knot_change(plant, i))
+    return axpy_symmetric(share, _knot_change(plant, i + 1), rest)
+
+
+@outline
+def _table_slope(plant, t):
+    """dD/dt of a table just after t (symmetric), kg m^2/s."""
+    i = _knot_before(plant, t)
+    if i < 0 or i == plant.knots - 1:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    k = 1.0 / (plant.knot_time[i + 1] - plant.knot_time[i])
+    a, b = _knot_change(plant, i), _knot_change(plant, i + 1)
+    return (
+        k * (b[0] - a[0]),
+        k * (b[1] - a[1]),
+        k * (b[2] - a[2]),
+        k * (b[3] - a[3]),
+        k * (b[4] - a[4]),
+        k * (b[5] - a[5]),
+    )
+
+
+@inline
 def inertia_at(plant, t):
     """True inertia J(t), wheels locked (symmetric)."""
+    if plant.law == TABLE:
+        return axpy_symmetric(1.0, _table_change(plant, t), load_symmetric(plant.inertia))
     return axpy_symmetric(law_factor(plant, t), load_symmetric(plant.change), load_symmetric(plant.inertia))
 
 
@@ -249,6 +301,8 @@ def _hold_or_release(plant, torque, stay):
     tau = external_torque(plant, t, (a[0], a[1], a[2], a[3]), inertia)
     push = subtract(add(cross(load(plant.momentum), omega), tau), _sum_free(plant, torque))
     push = axpy(-law_slope(plant, t), multiply(load_symmetric(plant.change), omega), push)
+    if plant.law == TABLE:
+        push = subtract(push, multiply(_table_slope(plant, t), omega))
     free = _free_wheel_inertia(plant)
     acceleration = multiply(inverse(axpy_symmetric(-1.0, free, inertia)), push)
     for k in range(torque.shape[0]):
@@ -324,8 +378,8 @@ def _limit_speeds(plant):
 def advance(plant, torque, duration):
     """Move the plant on by `duration` seconds of constant motor torque (n,), already within its limit.
 
-    One Runge-Kutta step, or several where J steps, its drift ends or a wheel reaches its limit on the way, or where
-    one step would not keep |M|.
+    One Runge-Kutta step, or several where J steps, its drift ends, its table has a knot or a wheel reaches its limit
+    on the way, or where one step would not keep |M|.
     """
     end = plant.time + duration
     events = halvings = 0
@@ -335,6 +389,10 @@ def advance(plant, torque, duration):
         bends = plant.law == DRIFT and plant.time < plant.law_time
         if (bends or (plant.law == STEP and plant.stepped == 0)) and plant.law_time < end:
             stop = plant.law_time
+        elif plant.law == TABLE:
+            following = _knot_before(plant, plant.time) + 1
+            if following < plant.knots:
+                stop = min(stop, plant.knot_time[following])
         h = stop - plant.time
         while True:
             m, q, wheels, drift = _rk4(plant, torque, h)

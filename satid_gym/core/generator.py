@@ -14,7 +14,7 @@ from satid_gym.core.algebra import (
 from satid_gym.core.dynamics import set_momenta, set_speeds, to_body
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import between, normal, uniform
-from satid_gym.core.records import PERIODIC, STATIC, STEP
+from satid_gym.core.records import PERIODIC, STATIC, STEP, TABLE
 
 _MOST_DRAWS = 1000
 
@@ -45,7 +45,7 @@ def _dot(a, b):
 
 @inline
 def _draw_law(draw, plant):
-    """Write the inertia law's parameters and return its relative size."""
+    """Write the inertia law's parameters and return its relative size; a table stays, and the draws are the same."""
     stream = plant.stream
     u, law, reached = uniform(stream), PERIODIC, draw.law_probability[STATIC]
     for candidate in range(STATIC, PERIODIC):
@@ -53,14 +53,31 @@ def _draw_law(draw, plant):
             law = candidate
             break
         reached += draw.law_probability[candidate + 1]
-    plant.law = law
+    if plant.law != TABLE:
+        plant.law = law
     size = between(stream, draw.law_size[law, 0], draw.law_size[law, 1])
     plant.law_time = between(stream, draw.law_time[law, 0], draw.law_time[law, 1])
     plant.law_frequency = between(stream, draw.law_frequency[0], draw.law_frequency[1])
     plant.law_phase = between(stream, draw.law_phase[0], draw.law_phase[1])
-    if law == STEP and plant.law_time <= 0.0:
+    if plant.law == STEP and plant.law_time <= 0.0:
         plant.stepped = 1
     return size
+
+
+@outline
+def _fits_table(draw, plant, inertia):
+    """Write the table's changes of an inertia where they are relative to it; whether all its knots are physical.
+
+    The physical tensors are a convex cone, so what lies between two knots is physical as well.
+    """
+    for k in range(plant.knots):
+        d = plant.knot_change[k]
+        if draw.change_given == 0:
+            for i in range(6):
+                d[i] = draw.knot_size[k] * inertia[i]
+        if not is_physical(axpy_symmetric(1.0, (d[0], d[1], d[2], d[3], d[4], d[5]), inertia)):
+            return False
+    return True
 
 
 @inline
@@ -76,6 +93,8 @@ def _draw_body(draw, plant):
         ends = is_physical(axpy_symmetric(low, change, inertia)) and is_physical(axpy_symmetric(1.0, change, inertia))
         if plant.law == STATIC:
             ends = True
+        if plant.law == TABLE:
+            ends = _fits_table(draw, plant, inertia)
         if ends and is_physical(inertia):
             store_symmetric(plant.inertia, inertia)
             store_symmetric(plant.change, change)

@@ -12,7 +12,10 @@ Numba's cache looks at the file of the kernel alone, so an edit of a function th
 every kernel therefore closes over a fingerprint of all compiled source (core/ and control/), part of numba's cache key.
 
 Numba also numbers the files of its cache, and two processes that compile at once may give one number to two kernels;
-here a file is named by what it holds. A cache that is damaged, full or nowhere to be kept costs time, never a run: see
+here a file is named by what it holds. And it numbers the types of records, and names compiled code by these numbers:
+kernels for two record types that two processes compiled could have one name, and a third process that loads both would
+call either for both. Here a record's number is made of what it holds.
+A cache that is damaged, full or nowhere to be kept costs time, never a run: see
 `KernelCache`.
 
 With NUMBA_DISABLE_JIT=1 in the environment the same code runs as plain Python, some hundred times slower: for
@@ -29,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import config, njit
+from numba import config, njit, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -48,6 +51,14 @@ def _fingerprint() -> str:
 
 
 SOURCE_FINGERPRINT = _fingerprint()
+
+
+def _record_name(record: types.Record) -> tuple[str, tuple[str]]:
+    """What a record type goes by in the names of compiled code, in every process."""
+    return "Record", (hashlib.sha256(record.name.encode()).hexdigest()[:16],)
+
+
+types.Record.mangling_args = property(_record_name)
 
 
 def inline(function: Callable[..., Any]) -> Any:

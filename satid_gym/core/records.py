@@ -17,7 +17,7 @@ import functools
 import numpy as np
 from numpy.typing import DTypeLike
 
-STATIC, STEP, DRIFT, PERIODIC = range(4)
+STATIC, STEP, DRIFT, PERIODIC, TABLE = range(5)  # a table is never drawn
 MOMENTUM, RATE = range(2)
 LOGDET, TRACE, MAXEIG = range(3)
 FAULTS = ("gyro_dropout", "gyro_outlier", "tachometer_stuck", "wheel_loss", "torque_delay")
@@ -36,14 +36,17 @@ def _wheels(n: int) -> list[Field]:
 
 
 @functools.cache
-def plant_dtype(n: int) -> np.dtype:
-    """Truth: wheels, body, environment, sensors, and the random stream that moves them."""
+def plant_dtype(n: int, knots: int = 1) -> np.dtype:
+    """Truth: wheels, body, environment, sensors, and the random stream that moves them.
+
+    `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 where there is none.
+    """
     return np.dtype(
         [
             *_wheels(n),
             ("torque_noise_std", _F, n),
             ("torque_lag", _F),  # time constant of the motor, s
-            # body: J(t) = inertia + f(t) change, f by the law
+            # body: J(t) = inertia + f(t) change, f by the law; of a table J(t) = inertia + D(t)
             ("inertia", _F, (3, 3)),
             ("law", _I),
             ("change", _F, (3, 3)),
@@ -51,6 +54,9 @@ def plant_dtype(n: int) -> np.dtype:
             ("law_frequency", _F),  # Hz
             ("law_phase", _F),
             ("stepped", _I),  # 1 once the step has come
+            ("knots", _I),  # of a table, in use
+            ("knot_time", _F, knots),  # s, increasing
+            ("knot_change", _F, (knots, 6)),  # D at a knot: xx, yy, zz, xy, xz, yz; linear between
             # environment
             ("orbit_rate", _F),
             ("gravity_gradient", _I),  # 0: off
@@ -229,7 +235,7 @@ def report_dtype(n: int) -> np.dtype:
 
 
 @functools.cache
-def draw_dtype() -> np.dtype:
+def draw_dtype(knots: int = 1) -> np.dtype:
     """How a satellite's episodes depart from its templates, the records of plant, belief and task."""
     return np.dtype(
         [
@@ -244,7 +250,8 @@ def draw_dtype() -> np.dtype:
             ("law_time", _F, (4, 2)),
             ("law_frequency", _F, 2),
             ("law_phase", _F, 2),
-            ("change_given", _I),  # 1: `plant.change` is an absolute tensor, law_size is not used
+            ("change_given", _I),  # 1: the change is absolute tensors of the plant's, law_size is not used
+            ("knot_size", _F, knots),  # change at the knots of a table relative to the inertia
             # faults: probabilities, and ranges low and high
             ("faulty", _I),  # 0: none can happen, and nothing is drawn
             ("fault_time", _F, 2),  # s

@@ -8,7 +8,6 @@ come from `python -m baselines.design`, which keeps them in open_loop_optimal.js
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_number
+from satid_gym.files import DamagedFileError, read_json
 from satid_gym.policy import Kind, Mission
 from satid_gym.profiles import wheel_torque
 from satid_gym.satellite import Satellite
@@ -95,28 +95,54 @@ class OpenLoopOptimalPolicy:
         return np.broadcast_to(action, (len(observation), len(action)))
 
 
-def design_of(satellite: str, scenario: str) -> dict[str, Any]:
-    """The stored design of a satellite in a scenario.
+class NotPreparedError(ValueError):
+    """A baseline has no settings for a satellite in a scenario."""
+
+
+def design_of(satellite: str, scenario: str, designs: Path = DESIGNS) -> dict[str, Any]:
+    """The stored design of a satellite in a scenario; what a file of designs lacks is taken from the shipped one.
 
     Raises:
-        ValueError: there is none.
+        NotPreparedError: there is none.
     """
-    designs, scenario = _designs(), PREPARED_AS.get(scenario, scenario)
-    if (satellite, scenario) not in designs:
-        raise ValueError(
-            f"no open-loop design for satellite {satellite!r} in scenario {scenario!r}, only for {sorted(designs)}; "
-            "python -m baselines.design makes them"
-        )
-    return designs[satellite, scenario]
+    scenario = PREPARED_AS.get(scenario, scenario)
+    for file in (designs, DESIGNS):
+        found = entries_of(file, "baselines.design").get((OpenLoopOptimalPolicy.name, satellite, scenario))
+        if found is not None:
+            return found
+    known = sorted(key[1:] for file in (designs, DESIGNS) for key in entries_of(file, "baselines.design"))
+    raise NotPreparedError(
+        f"no open-loop design for satellite {satellite!r} in scenario {scenario!r}, only for {known}; "
+        "python -m baselines.design makes them"
+    )
+
+
+def entries_of(file: Path, command: str) -> dict[tuple[str, str, str], dict[str, Any]]:
+    """Entries of a file of settings by policy, satellite and scenario.
+
+    Args:
+        file: the file.
+        command: that writes such files.
+
+    Raises:
+        DamagedFileError: it is missing or is no such file.
+    """
+    # as of its last change: the file may be written while the process runs
+    return _entries(file, command, file.stat().st_mtime_ns if file.is_file() else 0)
+
+
+@functools.cache
+def _entries(file: Path, command: str, _: int) -> dict[tuple[str, str, str], dict[str, Any]]:
+    remedy = f"python -m {command} writes it"
+    entries = read_json(file, remedy, keys=["entries"])["entries"]
+    default = OpenLoopOptimalPolicy.name if command == "baselines.design" else None
+    try:
+        return {(entry.get("policy", default), entry["satellite"], entry["scenario"]): entry for entry in entries}
+    except (TypeError, KeyError, AttributeError) as error:
+        raise DamagedFileError(f"{file} holds no settings of baselines ({error!r}): {remedy}") from error
 
 
 def _pad(dwell: Sequence[Sequence[int]]) -> np.ndarray:
     """(3, K) of rows of different lengths; what is missing never comes."""
     longest = max(map(len, dwell))
     return np.array([[*row, *[np.inf] * (longest - len(row))] for row in dwell])
-
-
-@functools.cache
-def _designs() -> dict[tuple[str, str], dict[str, Any]]:
-    entries = json.loads(DESIGNS.read_text(encoding="utf-8"))["entries"]
-    return {(entry["satellite"], entry["scenario"]): entry for entry in entries}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,14 @@ from typing import Any
 from satid_gym.config import unknown_name
 from satid_gym.policies.greedy import GreedyPolicy
 from satid_gym.policies.mpc import MPCPolicy
-from satid_gym.policies.open_loop_optimal import PREPARED_AS, OpenLoopOptimalPolicy
+from satid_gym.policies.open_loop_optimal import (
+    DESIGNS,
+    PREPARED_AS,
+    NotPreparedError,
+    OpenLoopOptimalPolicy,
+    design_of,
+    entries_of,
+)
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
@@ -51,34 +57,41 @@ def build(name: str, settings: dict[str, float]) -> Policy:
     return BASELINES[name](**settings)
 
 
-def make_baseline(name: str, satellite: str, scenario: str = "default") -> Policy:
-    """A baseline with the settings that were tuned for a satellite in a scenario.
+def make_baseline(
+    name: str, satellite: str, scenario: str = "default", *, tuned: Path = TUNED, designs: Path = DESIGNS
+) -> Policy:
+    """A baseline with the settings that were found for a satellite in a scenario.
+
+    Args:
+        name: of the baseline.
+        satellite, scenario: their names.
+        tuned: file of `python -m baselines.tune`; what it lacks is taken from the one that is shipped.
+        designs: file of `python -m baselines.design`, likewise.
 
     Raises:
-        ValueError: the name is unknown, or it was not tuned for that satellite and scenario.
+        ValueError: the name is unknown, or there are no settings for that satellite and scenario.
     """
-    return build(name, {} if name in UNTUNED else tuned_entry(name, satellite, scenario)["settings"])
+    if name == OpenLoopOptimalPolicy.name:
+        design = design_of(satellite, scenario, designs)
+        return OpenLoopOptimalPolicy(design["dwell"], design["fraction"])
+    return build(name, {} if name in UNTUNED else tuned_entry(name, satellite, scenario, tuned)["settings"])
 
 
-def tuned_entry(name: str, satellite: str, scenario: str = "default") -> dict[str, Any]:
-    """Settings of a baseline and the score they reached in tuning.
+def tuned_entry(name: str, satellite: str, scenario: str = "default", tuned: Path = TUNED) -> dict[str, Any]:
+    """Settings of a baseline and the score they reached in tuning; arguments as of `make_baseline`.
 
     Raises:
         ValueError: the name is unknown, or it was not tuned for that satellite and scenario.
     """
     if name not in BASELINES:
         raise unknown_name("baseline", name, BASELINES)
-    entries, scenario = _entries(), PREPARED_AS.get(scenario, scenario)
-    if (name, satellite, scenario) not in entries:
-        tuned = sorted({key[1:] for key in entries if key[0] == name})
-        raise ValueError(
-            f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}, only for {tuned}; "
-            "baselines.tune.tune finds settings for any satellite, satid_gym.policies.registry.build takes them"
-        )
-    return entries[name, satellite, scenario]
-
-
-@functools.cache
-def _entries() -> dict[tuple[str, str, str], dict[str, Any]]:
-    entries = json.loads(TUNED.read_text(encoding="utf-8"))["entries"]
-    return {(entry["policy"], entry["satellite"], entry["scenario"]): entry for entry in entries}
+    scenario = PREPARED_AS.get(scenario, scenario)
+    for file in (tuned, TUNED):
+        found = entries_of(file, "baselines.tune").get((name, satellite, scenario))
+        if found is not None:
+            return found
+    known = sorted({key[1:] for file in (tuned, TUNED) for key in entries_of(file, "baselines.tune") if key[0] == name})
+    raise NotPreparedError(
+        f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}, only for {known}; "
+        "baselines.tune.tune finds settings for any satellite, satid_gym.policies.registry.build takes them"
+    )

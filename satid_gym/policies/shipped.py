@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from satid_gym.config import unknown_name
-from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.learned import LearnedPolicy, check_name
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 
@@ -21,14 +21,27 @@ def shipped() -> list[LearnedPolicy]:
 
 
 def find(policy: str) -> LearnedPolicy:
-    """A shipped policy by name, or any by the path of its files.
+    """A shipped policy by name, or any by the path of its files or of the folder of the run that trained it.
+
+    `NAME=PATH` gives it another name.
 
     Raises:
-        ValueError: there is neither.
+        ValueError: there is neither, or the name is no plain word.
     """
     if policy in names():
         return LearnedPolicy.load(PRETRAINED / policy)
+    name, path = _renamed(policy)
     try:
-        return LearnedPolicy.load(Path(policy))
+        found = LearnedPolicy.load(path / "policy" if path.is_dir() else path)
     except FileNotFoundError as error:
         raise unknown_name("policy (no such file either)", policy, names()) from error
+    if name is not None:
+        check_name(name)
+        found.name = name
+    return found
+
+
+def _renamed(policy: str) -> tuple[str | None, Path]:
+    """Name and path of NAME=PATH; a folder of which the sign is a part is no name."""
+    name, sign, path = policy.partition("=")
+    return (name, Path(path)) if sign and name == Path(name).name else (None, Path(policy))

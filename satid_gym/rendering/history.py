@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.laws import INERTIA_MODES
+from satid_gym.laws import LAW_NAMES
 from satid_gym.satellite import Satellite
 
 
@@ -15,7 +15,7 @@ class History:
         satellite: as it is operated.
         decisions: the horizon.
         decision_period: s.
-        law: index of the inertia mode.
+        law: the core's number of the inertia law.
 
     Attributes:
         count: entries noted so far.
@@ -24,7 +24,7 @@ class History:
     def __init__(self, satellite: Satellite, decisions: int, decision_period: float, law: int) -> None:
         self.satellite = satellite
         self.horizon = decisions * decision_period
-        self.mode = INERTIA_MODES[law]
+        self.mode = LAW_NAMES[law]
         self.count = 0
         size, n = decisions + 1, satellite.wheels.count
         self._series = {
