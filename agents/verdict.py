@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import tyro
+from scipy.spatial.transform import Rotation
 
 from agents.report.page import file_names
 from agents.results import read_results
@@ -24,6 +25,7 @@ from baselines.ending import ended, refusal
 from baselines.tune import tune
 from satid_gym import ReactionWheels, Satellite
 from satid_gym.config import check_names
+from satid_gym.control.planner import PLANNING_MARGIN
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import DamagedFileError
 from satid_gym.laws import INERTIA_MODES
@@ -44,6 +46,23 @@ UNSEEN = Satellite(
     rate_limit=0.035,
     gyro_noise_std=6e-5,
     disturbance_std=3e-5,
+)
+_MICROSAT = SATELLITES["microsat"]
+TILTED = _MICROSAT.replace(
+    name="tilted",
+    wheels=_MICROSAT.wheels.replace(
+        axes=Rotation.from_rotvec(np.radians(35.0) * np.ones(3) / np.sqrt(3.0)).as_matrix()
+    ),
+)
+PYRAMID = _MICROSAT.replace(
+    name="pyramid",
+    inertia=[[6.5, 0.4, -0.3], [0.4, 6.0, 0.5], [-0.3, 0.5, 4.5]],
+    wheels=ReactionWheels(
+        axes=np.array([[1, 1, -1, -1], [1, -1, 1, -1], [1, -1, -1, 1]]) / np.sqrt(3.0),
+        inertia=np.array(2e-3),
+        max_torque=np.array(0.1),
+        max_speed=np.array(900.0),
+    ),
 )
 
 
@@ -151,7 +170,7 @@ def tight_claims(results: Mapping[str, Any], policy: str) -> list[Claim]:
 
 def unseen_claims(policy: str, episodes: int, scenario: str) -> list[Claim]:
     """The claim on a satellite between cubesat and smallsat; what is tuned is tuned for it on tuning seeds."""
-    rivals = [build("rate_square", tune("rate_square", UNSEEN, scenario).settings), build("mpc", {})]
+    rivals = [build(name, tune(name, UNSEEN, scenario).settings) for name in ("rate_square", "mpc")]
     world, ratios = benchmark_scenario(scenario), []
     for mode in INERTIA_MODES:
         own, *others = (
@@ -164,6 +183,28 @@ def unseen_claims(policy: str, episodes: int, scenario: str) -> list[Claim]:
     return [
         ("unseen satellite: final error over the better of rate_square and mpc, at most 1.5", *_largest(ratios, 1.5))
     ]
+
+
+def geometry_claims(policy: str, episodes: int, scenario: str) -> list[Claim]:
+    """The claims on wheels that are not along the body axes, and on four of them with a full tensor.
+
+    The policy flies the first, which has as many wheels and inertia parameters as those that it was trained on;
+    rate_square and mpc fly both.
+    """
+    world = benchmark_scenario(scenario)
+    closed_loops = [build("rate_square", {"period": 24.0, "margin": PLANNING_MARGIN}), build("mpc", {})]
+    claims = []
+    for craft, pilots in ((TILTED, [find(policy), *closed_loops]), (PYRAMID, closed_loops)):
+        outside = [
+            100.0
+            * fly(pilot, satellite=craft, inertia="random", seeds=seeds("test", episodes), scenario=world)
+            .scores()["outside_fraction"]
+            .mean()
+            for pilot in pilots
+        ]
+        asked = f"{craft.name}: time outside of {', '.join(pilot.name for pilot in pilots)}, at most 1 %"
+        claims.append((asked, *_largest(outside, 1.0, "{:.2f}")))
+    return claims
 
 
 def missing(results: Mapping[str, Any], needed: Sequence[str], judged: Sequence[str]) -> str | None:
@@ -222,7 +263,7 @@ class Options:
     scenario: str = "default"
     """Scenario to judge in; the claims on "tight" belong to the default one."""
     episodes: int = 100
-    """Episodes of each inertia mode on the unseen satellite."""
+    """Episodes of each inertia mode on the unseen satellite, and of all modes on tilted wheels and on the pyramid."""
 
 
 def main() -> int:
@@ -245,6 +286,7 @@ def main() -> int:
             claims += tight_claims(narrow, policy)
             needed["tight: "] = needed_efficiency(narrow, policy)
         claims += unseen_claims(policy, options.episodes, options.scenario)
+        claims += geometry_claims(policy, options.episodes, options.scenario)
         for asked, found, holds in claims:
             print(f"{'holds' if holds else 'SHORT':5s}  {policy}: {asked}: {found}")
             held = held and holds
