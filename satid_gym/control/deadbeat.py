@@ -18,8 +18,8 @@ from satid_gym.core.algebra import add, axpy, axpy_symmetric, cross, dot, invers
 from satid_gym.core.dynamics import sum_wheels
 from satid_gym.core.jit import inline, outline
 
-_SWEEPS = 40
-_SETTLED = 1e-4  # of a share: what the last sweep left is made good by going a little less far
+_SWEEPS = 200
+_SETTLED = 1e-5  # of a share: what the last sweep left is made good by going a little less far
 
 
 @inline
@@ -56,20 +56,22 @@ def within_reach(target, symmetric, allocation, bias, limit, multiplier):
         return target
     share, pushed = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
     for _ in range(_SWEEPS):
-        start = share
+        start, worst = share, 0.0
         for k in range(count):
             row = scale(target, multiply(symmetric, (allocation[k, 0], allocation[k, 1], allocation[k, 2])))
             square = dot(row, row)
             if square > 0.0:
+                most = max(limit[k], abs(bias[k]))
+                worst = max(worst, abs(bias[k] + dot(row, start)) - (1.0 + _SETTLED) * most)
                 share = axpy(multiplier[k], row, share)
-                value, most = bias[k] + dot(row, share), max(limit[k], abs(bias[k]))
+                value = bias[k] + dot(row, share)
                 multiplier[k] = (value - min(max(value, -most), most)) / square
                 share = axpy(-multiplier[k], row, share)
         wanted = add(share, pushed)
         share = min(max(wanted[0], 0.0), 1.0), min(max(wanted[1], 0.0), 1.0), min(max(wanted[2], 0.0), 1.0)
         pushed = subtract(wanted, share)
         moved = subtract(share, start)
-        if dot(moved, moved) < _SETTLED**2:
+        if worst <= 0.0 and dot(moved, moved) < _SETTLED**2:
             break
     x = scale(target, share)
     reached, rest = multiply(symmetric, x), 1.0
