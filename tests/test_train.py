@@ -11,8 +11,11 @@ import torch
 
 from agents import choose, train
 from agents.settings import TrainSettings, named
+from baselines import tuned_entry
 from baselines.ending import ended
+from satid_gym import RewardSettings
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.profiles import PROFILES
 
 SMALL = {
     "satellite": "microsat",
@@ -232,3 +235,20 @@ def test_an_error_of_flight_is_not_taken_for_one_of_training(copy, monkeypatch):
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
     with pytest.raises(ValueError, match=r"^of flight$"):
         choose.main()
+
+
+@pytest.mark.parametrize("control", ["rate", "torque"])
+def test_a_short_training_with_the_default_settings_ends_below_every_scripted_profile(control, tmp_path):
+    """Half of the README's short training: it ended above doing nothing once."""
+    settings = TrainSettings(satellite="microsat", control=control, steps=100_000, evaluate_every=100_000)
+    task = train.Run(settings, tmp_path / "short", resume=False, command="test")
+    task.learn()
+    task.env.close()
+    before, after = task.curve[0]["final_error"], min(row["final_error"] for row in task.curve[1:])
+    scripted = [tuned_entry(name, "microsat")["final_error"] for name in PROFILES]
+    assert after < min(scripted)
+    assert after < 0.5 * before
+
+
+def test_the_rewards_zero_is_the_one_difference_of_training_from_the_default_reward():
+    assert TrainSettings().reward.replace(held_reference=0.0).to_dict() == RewardSettings().to_dict()
