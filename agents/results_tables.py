@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from agents.markdown import table
-from agents.reward_figure import correlations
+from agents.reward_figure import NEARLY, correlations
 from agents.standing import Standing, cells, ranks, standings
 from agents.tables import keeps_envelope
+from satid_gym.metrics import MOST_BEYOND
 from satid_gym.profiles import PROFILES
 
 Record = Mapping[str, Any]
@@ -200,12 +201,18 @@ def _by_satellite(results: Mapping[str, Any], cell: Callable[[Record, Record | N
 
 def correlation_sentence(results: Mapping[str, Any]) -> str:
     """How well the reward ranks policies as their errors do, from the cells' rank correlations."""
-    found = correlations(results["records"])
-    (worst, least), most = min(found.items(), key=lambda item: item[1]), max(found.values())
+    nearly, inside = (correlations(results["records"], most) for most in (NEARLY, MOST_BEYOND))
     return (
-        f"Spearman's rank correlation of the reward with less mean error, over the policies inside the envelope, is "
-        f"{least:.2f} ({' '.join(worst)}) to {most:.2f} over the {len(found)} cells."
+        f"Spearman's rank correlation of the reward with less mean error is {_correlation_range(nearly)} over the "
+        f"{len(nearly)} cells, among the policies that are beyond the envelope for at most {NEARLY:.0%} of the time. "
+        f"Among those inside it, at most {MOST_BEYOND:.0%}, of which some cells have few, all of them close to each other, it is "
+        f"{_correlation_range(inside)}."
     )
+
+
+def _correlation_range(found: Mapping[tuple[str, str], float]) -> str:
+    worst, least = min(found.items(), key=lambda item: item[1])
+    return f"{least:.2f} ({' '.join(worst)}) to {max(found.values()):.2f}"
 
 
 def source(results: Mapping[str, Any]) -> str:

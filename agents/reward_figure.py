@@ -1,7 +1,7 @@
 """Does the reward rank policies as their errors do? `python -m agents.reward_figure` draws it, cell by cell.
 
 Reads docs/results/compare.json and writes docs/media/reward_ranks.png: reward against mean error of every policy in
-each cell, with the rank correlation over the policies that keep to the envelope.
+each cell, with the rank correlation over the policies that keep to the envelope or nearly do.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from agents.standing import cells
 from agents.tables import keeps_envelope
 from baselines.ending import ended, refusal
 from satid_gym.files import check_writable, read_json
+from satid_gym.metrics import MOST_BEYOND, beyond_envelope
 
 Record = Mapping[str, Any]
 
 ROOT = Path(__file__).parent.parent
+NEARLY = 0.02  # of the time beyond the envelope: the paper's eight, tuned over all laws, pass 1 % in some cells
 _FEWEST = 3  # policies for a rank correlation to say anything
 _LOOKS = {
     "learned": ("*", "#d55e00", 130),
@@ -47,27 +49,34 @@ class Figure:
     """The picture, .png."""
 
 
-def correlations(records: Sequence[Record]) -> dict[tuple[str, str], float]:
+def correlations(records: Sequence[Record], most_beyond: float = NEARLY) -> dict[tuple[str, str], float]:
     """Spearman's rank correlation of the reward with less mean error in each cell (satellite, inertia mode).
 
-    Only policies that keep to the envelope count, of rates and of wheel speeds. 1: the reward ranks them as their
-    mean errors do.
+    1: the reward ranks policies as their mean errors do.
+
+    Args:
+        records: of a comparison.
+        most_beyond: share of the time that a policy that counts may be beyond the envelope, of rates or wheel speeds.
 
     Raises:
-        ValueError: fewer than three policies of a cell keep to the envelope.
+        ValueError: fewer than three policies of a cell count.
     """
     found = {}
     for cell in cells(records):
         where = cell[0]["satellite"], cell[0]["inertia_mode"]
-        inside = [r for r in cell if keeps_envelope(r)]
+        inside = [r for r in cell if _beyond(r) <= most_beyond]
         if len(inside) < _FEWEST:
             raise ValueError(
-                f"{' '.join(where)}: {len(inside)} policies keep to the envelope, and a rank correlation needs "
-                f"{_FEWEST}; compare more policies"
+                f"{' '.join(where)}: {len(inside)} policies are beyond the envelope for at most {most_beyond:.0%} of "
+                f"the time, and a rank correlation needs {_FEWEST}; compare more policies"
             )
         reward, error = ([r[name] for r in inside] for name in ("reward", "mean_error_mean"))
         found[where] = float(scipy.stats.spearmanr(reward, -np.array(error)).statistic)
     return found
+
+
+def _beyond(record: Record) -> float:
+    return beyond_envelope(record["outside_fraction"], record["saturated_fraction"])
 
 
 def source(results: Mapping[str, Any]) -> str:
@@ -114,7 +123,7 @@ def _panel(panel: Any, cell: Sequence[Record], where: tuple[str, str], correlati
     panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     panel.xaxis.set_minor_locator(NullLocator())
     panel.set_ylim(low, high)
-    below = 0
+    below = learned = 0
     for r in sorted(cell, key=keeps_envelope):
         symbol, colour, size = _LOOKS[r["kind"]]
         x, y, kept = 100.0 * r["mean_error_mean"], r["reward"], keeps_envelope(r)
@@ -127,8 +136,11 @@ def _panel(panel: Any, cell: Sequence[Record], where: tuple[str, str], correlati
         if r["kind"] in _NAMED or not within:
             name = r["policy"] if within else f"{r['policy']}, {y:.0f} {'↓' if y < low else '↑'}"
             right = r["kind"] == "reference" and within
+            lift = 0.0
+            if r["kind"] == "learned":  # they lie close together: one name above the next
+                lift, learned = 6.0 - 11.0 * learned, learned + 1
             panel.annotate(
-                name, (x, at), xytext=(-7 if right else 7, 0), textcoords="offset points", fontsize=7.5, va="center",
+                name, (x, at), xytext=(-7 if right else 7, lift), textcoords="offset points", fontsize=7.5, va="center",
                 ha="right" if right else "left", color=colour if kept else "#5a636d",
             )  # fmt: skip
     panel.set_title(f"{where[0]}, {where[1]}: {correlation:.2f}", fontsize=10)
@@ -154,8 +166,10 @@ def main() -> int:
     results = read_json(figure.results, "run python -m agents.compare --output docs/results", keys=keys)
     with refusal():
         draw(results, figure.output)
-    for where, correlation in correlations(results["records"]).items():
-        print(f"{' '.join(where):20s} {correlation:5.2f}")
+    nearly, inside = (correlations(results["records"], most) for most in (NEARLY, MOST_BEYOND))
+    print(f"{'beyond the envelope for at most':32s} {NEARLY:.0%}    {MOST_BEYOND:.0%}")
+    for where, correlation in nearly.items():
+        print(f"{' '.join(where):30s} {correlation:5.3f} {inside[where]:5.3f}")
     print(f"{figure.output} written")
     return 0
 

@@ -97,7 +97,7 @@ def test_the_tables_star_who_is_outside_and_say_none_inside():
 
 def test_rank_correlation_by_hand():
     """In static the reward ranks net, mpc and zero as their errors do; in step the sine, third, is paid most."""
-    found = reward_figure.correlations(comparison()["records"])
+    found = reward_figure.correlations(comparison()["records"], 0.01)
     assert found["s", "static"] == pytest.approx(1.0)
     ranks = np.array([[1, 2, 3, 4], [2, 3, 1, 4]])  # of net, mpc, sine, zero by error, and by reward
     distance = np.sum((ranks[0] - ranks[1]) ** 2)
@@ -106,8 +106,8 @@ def test_rank_correlation_by_hand():
 
 def test_a_cell_with_too_few_policies_inside_is_refused():
     records = [r for r in comparison()["records"] if r["policy"] in ("sine", "mpc", "net")]
-    with pytest.raises(ValueError, match="s static: 2 policies keep to the envelope"):
-        reward_figure.correlations(records)
+    with pytest.raises(ValueError, match="s static: 2 policies are beyond the envelope for at most 1% of the time"):
+        reward_figure.correlations(records, 0.01)
 
 
 def test_the_figure_is_of_the_committed_results():
