@@ -205,8 +205,8 @@ def correlation_sentence(results: Mapping[str, Any]) -> str:
     return (
         f"Spearman's rank correlation of the reward with less mean error is {_correlation_range(nearly)} over the "
         f"{len(nearly)} cells, among the policies that are beyond the envelope for at most {NEARLY:.0%} of the time. "
-        f"Among those inside it, at most {MOST_BEYOND:.0%}, of which some cells have few, all of them close to each other, it is "
-        f"{_correlation_range(inside)}."
+        f"Among those inside it, at most {MOST_BEYOND:.0%}, of which some cells have few, all of them close to each "
+        f"other, it is {_correlation_range(inside)}."
     )
 
 
