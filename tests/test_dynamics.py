@@ -451,7 +451,7 @@ def test_a_second_of_tumble_equals_the_textbook(name, law, request):
     torque = square_wave(satellite, 4, period=3.0)
     omega0, speed0 = (0.5, -0.4, 0.3), 300.0 * np.resize([1.0, -0.7, 0.5, 0.6], satellite.wheels.count)
     start = {"omega0": omega0, "wheel_speed0": speed0, "law": law, "disturbance": STRONG_TORQUES}
-    flight = simulate(satellite, torque, 0.25, **start, substeps=20)
+    flight = simulate(satellite, torque, 0.25, **start, substeps=40)
     oracle = Textbook(satellite, law, STRONG_TORQUES)
     expected = oracle.fly(torque, 0.25, omega0, speed0)
     assert oracle.stepped == (law.mode == "step")
