@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import BASELINES, build, make_baseline, tuned_entry
-from baselines.tune import Trial, attempt, best, grid
+from baselines.tune import FINER, Trial, attempt, best, grid
 from satid_gym import INERTIA_MODES, SATELLITES, SCENARIOS, SatInertiaIDVectorEnv
 from satid_gym.control.decoded_observation import Belief, Craft
 from satid_gym.control.rate_loop import RateLoop
@@ -231,7 +231,9 @@ def test_stored_settings_keep_the_rule():
                 entry = tuned_entry(name, satellite, scenario)
                 assert entry["inside"] == (max(entry["outside_fraction"], entry["saturated_fraction"]) <= 0.01)
                 tried = [s for row in grid(name, SATELLITES[satellite], scenario) for s in row]
-                assert entry["settings"] in tried
+                amplitude = entry["settings"].get("amplitude")
+                finer = [] if amplitude is None else [s["amplitude"] * factor for s in tried for factor in FINER]
+                assert entry["settings"] in tried or np.isclose(finer, amplitude, atol=6e-6, rtol=0.0).any()
 
 
 @pytest.mark.parametrize("name", ["chirp", "rate_square"])

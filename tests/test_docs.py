@@ -298,7 +298,7 @@ def test_reference_of_commands_has_their_options():
     assert "| `policy` | required |" in sections["## agents.evaluate"]
     assert "| `--seed-split` | `validation` |" in sections["## agents.evaluate"]
     assert "| `--seed-split` | `test` |" in sections["## agents.compare"]
-    assert "| `--steps` | `10000000` |" in sections["## agents.train"]
+    assert "| `--steps` | `1000000` |" in sections["## agents.train"]
 
 
 def test_formulas_become_mathml():
