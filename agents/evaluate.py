@@ -1,74 +1,10 @@
-"""Score one learned policy: `python -m agents.evaluate POLICY`, a shipped name or the path of its files.
-
-Validation seeds by default: the test seeds are for the comparison.
-"""
-
-from __future__ import annotations
+"""Command: score one learned policy; see `agents.benchmark.evaluate`."""
 
 import sys
-from dataclasses import dataclass, field
-from typing import Annotated
 
-import tyro
-
-from agents.cast import Prepared, learned
-from agents.compare import Comparison, compare
-from agents.tables import print_comparison
-from baselines.ending import ended, refusal
-from satid_gym.laws import INERTIA_MODES
-from satid_gym.satellite import SATELLITES
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evaluation:
-    """What to fly."""
-
-    policy: tyro.conf.Positional[str]
-    """A shipped policy's name, the path of a policy's files or of a run's folder, or NAME=PATH."""
-    beside: tuple[str, ...] = ("rate_square",)
-    """Baselines to fly beside it."""
-    scenario: str = "default"
-    """The world: default, tight, paper or faults, a .json or .toml file, or module:name (runs the module's code)."""
-    satellites: tuple[str, ...] = tuple(SATELLITES)
-    """Satellites to fly: names, .json or .toml files, or module:name (runs the module's code)."""
-    modes: tuple[str, ...] = INERTIA_MODES
-    """How their inertia varies: modes, laws as .json, .toml or .csv files, or module:name (runs the module's code)."""
-    episodes: int = 100
-    """Episodes of each policy in each cell."""
-    seed_split: str = "validation"
-    """Which seeds: training, tuning, validation or test."""
-    prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
-
-    @property
-    def comparison(self) -> Comparison:
-        """The flights of the policy and those beside it."""
-        return Comparison(
-            scenario=self.scenario,
-            satellites=self.satellites,
-            modes=self.modes,
-            policies=(self.policy, *self.beside),
-            episodes=self.episodes,
-            seed_split=self.seed_split,
-            prepared=self.prepared,
-        )
-
-
-def main() -> int:
-    """Fly the policy and print its tables; the exit code."""
-    evaluation = tyro.cli(Evaluation, description=__doc__)
-    with refusal():
-        learned(evaluation.policy)  # a baseline is none
-        comparison = evaluation.comparison
-        cast = comparison.cast()
-    results = compare(comparison, cast)
-    split, first = results["seeds"]["split"], results["seeds"]["first"]
-    print_comparison(
-        results["records"],
-        f"{evaluation.policy}: {comparison.episodes} episodes a cell, {split} seeds from {first}, "
-        f"scenario {cast.scenario.name}",
-    )
-    return 0
-
+import agents.benchmark.blas  # noqa: F401  before numpy
+from agents.benchmark.evaluate import main
+from baselines.command.cli import ended
 
 if __name__ == "__main__":
     sys.exit(ended(main))

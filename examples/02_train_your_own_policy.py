@@ -6,8 +6,8 @@ From the checkout: PYTHONPATH=. python examples/02_train_your_own_policy.py
 import torch
 from stable_baselines3 import PPO
 
-from agents.settings import TrainSettings
-from agents.train import learned_policy
+from agents.training.ppo import learned_policy
+from agents.training.settings import TrainSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import make_baseline
 from satid_gym.sb3 import RateCommandVecEnv

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from satid_gym import InertiaLaw, ReactionWheels, RewardSettings, Satellite, SatInertiaIDEnv
-from satid_gym.estimators import Briefing
+from satid_gym.estimators import FilterPrior
 
 # Spin axes are the columns. Any three or more that span space will do; the action has one entry a wheel.
 axes = np.array([[1.0, 0.2, 0.0], [0.0, 1.0, 0.2], [0.2, 0.0, 1.0]])
@@ -33,13 +33,13 @@ class MomentumLeastSquares:
     coordinates = "momentum"
     parameters = "principal"
 
-    def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+    def reset(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from the prior and the first reading."""
-        self.spin = briefing.wheels.axes * briefing.wheels.inertia
-        self.noise = briefing.gyro_noise_std * np.diag(briefing.inertia)  # of J omega
-        theta, std = np.diag(briefing.inertia), briefing.prior_theta_std(self.parameters)
+        self.spin = prior.wheels.axes * prior.wheels.inertia
+        self.noise = prior.gyro_noise_std * np.diag(prior.inertia)  # of J omega
+        theta, std = np.diag(prior.inertia), prior.prior_theta_std(self.parameters)
         self.mean = np.concatenate([theta * gyro + self.spin @ wheel_speed, theta, np.zeros(3)])
-        start = np.concatenate([np.abs(std * gyro) + self.noise, std, np.full(3, briefing.disturbance_std)])
+        start = np.concatenate([np.abs(std * gyro) + self.noise, std, np.full(3, prior.disturbance_std)])
         self.covariance = np.diag(start**2)
         self.rate = gyro
 

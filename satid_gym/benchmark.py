@@ -22,9 +22,9 @@ import gymnasium
 import numpy as np
 
 from satid_gym.core import kernels
-from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF, brief
+from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF
 from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario import SCENARIOS, prior_of
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 _REPEATS = 5
@@ -95,13 +95,13 @@ def frame_rate() -> float:
 def filter_rates() -> tuple[float, float]:
     """Filter steps a second on the same readings: compiled, and filterpy with the same model in Python."""
     satellite = SATELLITES["microsat"]
-    briefing = brief(satellite, SCENARIOS["default"])
+    prior = prior_of(satellite, SCENARIOS["default"])
     rng = np.random.default_rng(0)
     gyro = 5e-5 * rng.standard_normal((3001, 3)) + 0.02
     wheel_speed = 0.05 * rng.standard_normal((3001, 3)) + 50.0
     compiled, reference = MomentumEKF(), FilterpyMomentumEKF()
-    compiled.reset(briefing, gyro[0], wheel_speed[0])
-    records = compiled._rows, compiled._work  # the arrays behind it: the step alone, without checks
+    compiled.reset(prior, gyro[0], wheel_speed[0])
+    records = compiled.records, compiled.work  # the arrays behind it: the step alone, without checks
     mean, covariance = np.empty((3001, 9)), np.empty((3001, 9, 9))
     nis = np.empty(3001)
 
@@ -110,7 +110,7 @@ def filter_rates() -> tuple[float, float]:
         return 3000
 
     def run_reference() -> int:
-        reference.reset(briefing, gyro[0], wheel_speed[0])
+        reference.reset(prior, gyro[0], wheel_speed[0])
         for i in range(1, 1001):
             reference.predict(wheel_speed[i], 0.1)
             reference.update(gyro[i], wheel_speed[i])
@@ -141,8 +141,8 @@ def first_steps() -> tuple[float, float]:
 
 def memory_per_environment() -> float:
     """Bytes of the vector environment's arrays, for each environment."""
-    env = SatInertiaIDVectorEnv(1024)
-    return sum(v.nbytes for v in vars(env).values() if isinstance(v, np.ndarray)) / env.num_envs
+    fleet = SatInertiaIDVectorEnv(1024).fleet
+    return sum(part.nbytes for part in (*fleet.rows, *fleet.final)) / len(fleet)
 
 
 def measure() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Settings as frozen dataclasses that go to JSON and back."""
+"""Base class of the settings, frozen dataclasses that convert to JSON and back, and checks of their values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 
 
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> ValueError:
-    """The error for a name that is not among the valid ones, with the nearest one where there is any."""
+    """Error for a name that is not among the valid ones; it proposes the nearest one, if any is near."""
     names = sorted(map(str, valid))
     near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
@@ -23,10 +23,10 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> ValueError:
 
 
 def check_names(kind: str, names: Iterable[object], valid: Iterable[str]) -> None:
-    """Refuse names that are not among the valid ones, and none at all.
+    """Refuse unknown names and an empty list.
 
     Raises:
-        ValueError: a name is unknown, or there is none.
+        ValueError: a name is unknown, or the list is empty.
     """
     names, valid = list(names), list(valid)
     for name in names:
@@ -44,7 +44,7 @@ def real_array(name: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray
     """
     try:
         given = np.asarray(value)
-        if given.dtype.kind not in "iufO":  # text and booleans would pass for numbers
+        if given.dtype.kind not in "iufO":  # NumPy would convert text and booleans to numbers
             raise ValueError(f"it holds {given.dtype}")
         array = np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -77,13 +77,13 @@ def check_number(name: str, value: object, *, low: float = 0.0, strict: bool = F
 
 
 def check_whole(name: str, value: object, *, low: int = 1, high: int | None = None) -> int:
-    """`value` as a whole number within [low, high].
+    """`value` as an integer within [low, high].
 
     Raises:
-        ValueError: not a whole number, or out of bounds.
+        ValueError: not an integer, or out of bounds.
     """
     if not _is_a(value, int) or value < low:  # type: ignore[operator]
-        raise ValueError(f"{name} must be a whole number of at least {low}, got {value!r}")
+        raise ValueError(f"{name} must be an integer of at least {low}, got {value!r}")
     if high is not None and value > high:  # type: ignore[operator]
         raise ValueError(f"{name} must be at most {high}, got {value!r}")
     return int(value)  # type: ignore[call-overload]
@@ -101,10 +101,10 @@ def check_flag(name: str, value: object) -> bool:
 
 
 class Config:
-    """Base of the settings: types as annotated, equality by value, JSON both ways, unknown names refused."""
+    """Base of the settings: checked types, equality by value, conversion to and from JSON, unknown names refused."""
 
     def __post_init__(self) -> None:
-        """Hold every field that is annotated with a plain type against it, and keep it as that type.
+        """Check every field that is annotated with a plain type, and convert it to that type.
 
         Raises:
             ValueError: a value is of another type.
@@ -114,12 +114,12 @@ class Config:
             object.__setattr__(self, name, value)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON-able values of every field."""
+        """Values of every field that JSON can hold."""
         return {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}  # type: ignore[arg-type]
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Build from plain values.
+        """Settings from plain values.
 
         Raises:
             ValueError: a name is unknown, or a value is not valid.
@@ -137,7 +137,7 @@ class Config:
         return cls(**values)
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some fields changed and all checks made again."""
+        """Copy with some fields changed; all checks are repeated."""
         return type(self).from_dict({**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, **changes})  # type: ignore[arg-type]
 
     def __eq__(self, other: object) -> bool:
@@ -149,7 +149,7 @@ class Config:
 
 _KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
     bool: ("True or False", (bool, np.bool_)),
-    int: ("a whole number", (int, np.integer)),
+    int: ("an integer", (int, np.integer)),
     float: ("a number", (int, float, np.integer, np.floating)),
     str: ("text", (str,)),
 }
@@ -163,12 +163,12 @@ def _annotations(cls: type) -> dict[str, Any]:
 
 
 def _is_a(value: object, kind: type) -> bool:
-    """Whether a value can stand for a plain type; True and False are no numbers."""
+    """Whether a value is valid for a plain type; True and False are not numbers."""
     return isinstance(value, _KINDS[kind][1]) and (kind is bool or not isinstance(value, bool))
 
 
 def _number(value: Any) -> float:
-    """As a float, infinite where a whole number is beyond all floats."""
+    """Value as a float; infinite if an integer is too large for one."""
     try:
         return float(value)
     except OverflowError:
@@ -176,9 +176,9 @@ def _number(value: Any) -> float:
 
 
 def _typed(name: str, kind: Any, value: Any, owner: str) -> Any:
-    """`value` as annotated, where the annotation is a plain type, a choice of names, or one of these or None.
+    """`value` as annotated, if the annotation is a plain type, a Literal of names, or an optional one of these.
 
-    What else there is (arrays, ranges, settings within settings) has checks of its own.
+    Other fields (arrays, ranges, nested settings) are checked by their class.
     """
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         kinds = [k for k in typing.get_args(kind) if k is not types.NoneType]

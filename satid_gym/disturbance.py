@@ -1,4 +1,4 @@
-"""External torque on the satellite."""
+"""Settings of the external torque on the satellite."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from satid_gym.config import Config, check_number, real_array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Disturbance(Config):
-    """External torque; each part can be left out.
+    """External torque on the satellite; every part is 0 or off by default.
 
     Attributes:
         constant: (3,) N m, body frame.

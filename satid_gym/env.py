@@ -9,25 +9,15 @@ import gymnasium
 import numpy as np
 
 from satid_gym.config import check_whole, unknown_name
-from satid_gym.core import episode
-from satid_gym.core.records import report_dtype
-from satid_gym.estimators.belief import new_work
 from satid_gym.estimators.protocol import Estimator, is_estimator
-from satid_gym.estimators.settings import EstimatorSettings, brief
-from satid_gym.foreign import ForeignFilter, told_settings
-from satid_gym.interface import (
-    BROKEN,
-    DRAW_FAILED,
-    FLAGS,
-    INFO_KEYS,
-    make_spaces,
-    option_templates,
-    real_action,
-    seed_stream,
-)
-from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, Templates, build_templates, problem
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.fleet import Fleet
+from satid_gym.gym_api import info_of, make_spaces, option_templates, real_action, seed_stream
+from satid_gym.plugin_estimator import PluginFilter, plugin_settings
+from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, problem
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
+from satid_gym.scenario import prior_of
 
 if TYPE_CHECKING:
     from satid_gym.rendering import History
@@ -52,7 +42,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     p = 3 moments of inertia; p = 6 where a satellite, the law or the scenario has products of inertia.
     `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the last two parts, with which
     all of the filter's covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque
-    (MomentumEKF and AdaptiveEKF, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
+    (MomentumEKF, adaptive or not, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
 
     | name | size | meaning |
     |---|---|---|
@@ -62,9 +52,9 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | uncertainty | p | log10(filter's std / scale) + 2 |
     | disturbance | 3 | estimated disturbance torque / its prior std |
     | correlation | 3 p | filter's correlation of each momentum (rate) component with each parameter |
-    | authority | 3 | rate limits gained by a decision of full torque, by prior inertia |
-    | swing | 3 | share of the wheels' momentum that turning at the rate limit takes, by prior inertia |
-    | drift | 3 | rate limits that the body is about to gain in a decision without command, by the belief |
+    | control_authority | 3 | rate limits gained by a decision of full torque, by prior inertia |
+    | momentum_fraction | 3 | share of the wheels' momentum that turning at the rate limit takes, by prior inertia |
+    | coast_rate_change | 3 | rate limits that the body is about to gain in a decision without command, by the belief |
     | command | n | previous action |
     | time_left | 1 | fraction of the horizon |
     | state_uncertainty | s - p | log10(filter's std / scale) + 2 of the other states; scale: prior moment times rate \
@@ -117,7 +107,7 @@ over the rate limit, less 1, where positive |
     | effort | mean square of the action |
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque, N m |
-    | guarded | filter updates shortened so far to keep the estimate positive definite |
+    | constrained_updates | filter updates shortened so far to keep the estimate positive definite |
     | rejected | gyro readings that the filter has rejected so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
 
@@ -171,22 +161,11 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         self._history: History | None = None
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
-        settings: Any = told_settings(estimator) if is_estimator(estimator) else estimator
+        settings: Any = plugin_settings(estimator) if is_estimator(estimator) else estimator
         self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance)
-        self._templates = build_templates(self.problem)
-        self._plants = np.zeros(1, self._templates.plants.dtype)
-        self._beliefs = np.zeros(1, self._templates.beliefs.dtype)
-        self._tasks = np.zeros(1, self._templates.tasks.dtype)
-        self._reports = np.zeros(1, report_dtype(self.problem.wheels))
-        self._work = new_work(self._beliefs)
+        self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)
-        self._observation = np.zeros((1, self.observation_space.shape[0]), np.float32)
-        self._foreign: ForeignFilter | None = None
-        if is_estimator(estimator):
-            records = (self._plants, self._beliefs, self._tasks, self._work, self._reports)
-            self._foreign = ForeignFilter(estimator, *records, self._observation)
-        self._chosen = np.ones(1, np.int8)
-        self._tasks["over"] = 1
+        self._plugin = PluginFilter(estimator, self.fleet) if is_estimator(estimator) else None
 
     @property
     def layout(self) -> dict[str, slice]:
@@ -209,21 +188,19 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         Raises:
             ValueError: an option is unknown or not valid; the episode under way goes on.
         """
-        templates = option_templates(self.problem, options) if options else self._templates
+        templates = option_templates(self.problem, options) if options else self.fleet.templates
         first = self._np_random is None
         super().reset(seed=seed)
+        rows = self.fleet.rows
         if first or seed is not None:
-            self._plants["stream"][0] = seed_stream(self.np_random)
-        failed = self._run(episode.BEGIN, templates, np.zeros(self.problem.wheels, np.float32))
-        if failed:
-            self._tasks["over"] = 1
-            raise ValueError(DRAW_FAILED)
-        if self._foreign is not None:
-            satellite = templates.satellites[int(self._tasks["template"][0])]
-            self._foreign.start(brief(satellite, self.problem.scenario, self.problem.parameters))
+            rows.plants["stream"][0] = seed_stream(self.np_random)
+        self.fleet.begin(templates=templates.records)
+        satellite = templates.satellites[int(rows.tasks["template"][0])]
+        if self._plugin is not None:
+            self._plugin.start(prior_of(satellite, self.problem.scenario, self.problem.parameters))
         if self.render_mode is not None:
-            self._start_history(templates.satellites[int(self._tasks["template"][0])])
-        return self._observation[0].copy(), self._info()
+            self._start_history(satellite)
+        return rows.observations[0].copy(), info_of(rows.reports)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Take one decision.
@@ -244,23 +221,22 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
             raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
         if not np.isfinite(action).all():
             raise ValueError(f"action must be finite, got {action.tolist()}")
-        if self._tasks["over"][0]:
+        rows = self.fleet.rows
+        if rows.tasks["over"][0]:
             raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
-        if self._foreign is None:
-            failed = self._run(episode.DISABLED, self._templates, action)
+        if self._plugin is None:
+            self.fleet.step(action[None])
         else:
-            failed = self._foreign.decide(action)
-        report = self._reports[0]
-        if failed or not np.isfinite(self._observation).all():
-            raise FloatingPointError(BROKEN)
+            self._plugin.decide(action)
+        report = rows.reports[0]
         if self._history is not None:
-            self._history.note(self._plants[0], self._beliefs[0], report)
+            self._history.note(rows.plants[0], rows.beliefs[0], report)
         return (
-            self._observation[0].copy(),
+            rows.observations[0].copy(),
             float(report["reward"]),
             bool(report["terminated"]),
             bool(report["truncated"]),
-            self._info(),
+            info_of(rows.reports),
         )
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
@@ -281,36 +257,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
     def _start_history(self, satellite: Satellite) -> None:
         from satid_gym.rendering import History
 
-        scenario = self.problem.scenario
-        law = int(self._plants["law"][0])
+        scenario, rows = self.problem.scenario, self.fleet.rows
+        law = int(rows.plants["law"][0])
         self._history = History(scenario.operate(satellite), scenario.decisions, scenario.decision_period, law)
-        self._history.note(self._plants[0], self._beliefs[0], self._reports[0])
-
-    def _run(self, mode: int, templates: Templates, action: np.ndarray) -> bool:
-        """One call of the core on the environment's only row."""
-        failed = episode.step_many(
-            0,
-            1,
-            mode,
-            self._chosen,
-            action[None],
-            templates.draws,
-            templates.records,
-            self._plants,
-            self._beliefs,
-            self._tasks,
-            self._work,
-            self._reports,
-            self._observation,
-            self._reports,
-            self._observation,
-        )
-        return failed > 0
-
-    def _info(self) -> dict[str, Any]:
-        report = dict(zip(self._reports.dtype.names or (), self._reports.item(), strict=True))
-        info = {key: report[key] for key in INFO_KEYS}
-        for key, value in info.items():
-            if isinstance(value, np.ndarray):
-                info[key] = value.astype(bool) if key in FLAGS else value.copy()
-        return info
+        self._history.note(rows.plants[0], rows.beliefs[0], rows.reports[0])

@@ -1,6 +1,6 @@
-"""One protocol for every comparison: policies x satellites x inertia modes x seeds -> records.
+"""Evaluation protocol of every comparison: policies x satellites x inertia modes x seeds -> scores.
 
-All policies of a cell fly the same episodes: same truth and same noise for the same seed.
+All policies of a cell fly the same episodes: the same seed gives the same truth and the same noise.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ SPLIT_SIZE = 1_000_000_000
 
 
 def seeds(split: Split, count: int, offset: int = 0) -> list[int]:
-    """Seeds of one split; splits never meet.
+    """Seeds of one split; no two splits share a seed.
 
     Raises:
-        ValueError: the split is unknown or has fewer seeds, or a number is not whole.
+        ValueError: the split is unknown or has fewer seeds, or a number is not an integer.
     """
     if not isinstance(split, str) or split not in FIRST_SEED:
         raise unknown_name("split of seeds", split, FIRST_SEED)
@@ -47,7 +47,7 @@ def seeds(split: Split, count: int, offset: int = 0) -> list[int]:
 
 
 def benchmark_scenario(scenario: ScenarioLike = "default") -> Scenario:
-    """A scenario with the paper's exact inertia laws, as the benchmark flies it; laws of its own it keeps."""
+    """Scenario of the benchmark: with the paper's exact inertia laws, unless it has laws other than the default."""
     world = resolve_scenario(scenario)
     return world.replace(laws=PAPER_LAWS) if world.laws == LawRanges() else world
 
@@ -61,12 +61,12 @@ class Flight:
         error: relative error of the inertia estimate.
         outside: share of the decision's samples outside the rate limit.
         nees: normalised estimation error squared, per degree of freedom.
-        information: nats that the decision gained.
+        information: information gain of the decision's updates, nats.
         effort: mean square of the action.
         reward: of each decision.
         saturated: share of the wheels that were at their speed limit.
-        alive: False from the decision after a termination on; error is held, outside is 1, the rest is 0.
-        step_time: s, when the inertia steps, where all episodes step together; else None.
+        alive: False after a termination; from then on error keeps its last value, outside is 1 and the rest is 0.
+        step_time: time of the inertia's step, s, if it is the same in all episodes; else None.
     """
 
     time: np.ndarray
@@ -108,12 +108,12 @@ def fly(
     reward: str | Mapping[str, Any] | RewardSettings | None = None,
     num_threads: int | None = None,
 ) -> Flight:
-    """Fly one policy through the episodes of one cell, side by side.
+    """Time series of one policy in the episodes of one cell, flown in parallel.
 
     Args:
-        policy: what decides.
+        policy: the policy that decides.
         satellite, inertia, scenario, estimator, reward: as for the environment.
-        seeds: one for each episode.
+        seeds: one per episode.
         num_threads: see `SatInertiaIDVectorEnv`.
     """
     env = SatInertiaIDVectorEnv(
@@ -135,14 +135,14 @@ def fly(
     series = {name: np.zeros((decisions, count)) for name in names}
     alive = np.ones((decisions + 1, count), bool)
     for t in range(decisions):
-        observation, gained, terminated, _, info = env.step(policy(observation))
+        observation, rewards, terminated, _, info = env.step(policy(observation))
         now = alive[t]
         series["error"][t] = np.where(now, info["relative_error"], series["error"][t - 1])
         series["outside"][t] = np.where(now, info["outside"], 1.0)
         series["nees"][t] = np.where(now, info["nees"], 0.0)
         series["information"][t] = np.where(now, info["information_gain"], 0.0)
         series["effort"][t] = np.where(now, info["effort"], 0.0)
-        series["reward"][t] = np.where(now, gained, 0.0)
+        series["reward"][t] = np.where(now, rewards, 0.0)
         series["saturated"][t] = np.where(now, info["saturated"].mean(axis=1), 0.0)
         alive[t + 1] = now & ~terminated
     env.close()
@@ -151,7 +151,7 @@ def fly(
 
 
 def _step_time(inertia: InertiaLike, scenario: Scenario) -> float | None:
-    """When the inertia steps, where all episodes step together."""
+    """Time of the inertia's step, s, if it is the same in all episodes; else None."""
     inertia = resolve_inertia(inertia)
     if isinstance(inertia, InertiaLaw):
         return inertia.time if inertia.mode == "step" else None

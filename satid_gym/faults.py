@@ -1,4 +1,4 @@
-"""What can go wrong with sensors and wheels in an episode."""
+"""Settings of the faults of sensors, wheels and commands in an episode."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from satid_gym.config import Config, check_number, unknown_name
 from satid_gym.core import records
 
-FAULTS = records.FAULTS
-"""What `info["faults"]` says of a decision, in its order: which of these acted."""
+FAULTS = tuple(fault.name.lower() for fault in records.Fault)
+"""Order of `info["faults"]`, which says for each of these faults whether it acted in a decision."""
 
 SWITCHES = ("gyro_dropout", "gyro_outlier", "gyro_bias_std", "tachometer_stuck", "wheel_loss", "torque_delay")
-"""Settings that turn a fault on where they are not 0."""
+"""Settings that turn a fault on if they are not 0."""
 
 _PROBABILITIES = ("gyro_dropout", "gyro_dropout_silent", "gyro_outlier", "tachometer_stuck", "wheel_loss")
 _SHARES = ("time", "wheel_loss_size")

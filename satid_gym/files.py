@@ -1,45 +1,65 @@
-"""Files of results and policies: written atomically, read with errors that say what to do."""
+"""Files of results and policies, written atomically and read with clear errors."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-PART = ".part"  # how the name ends of a file that is still being written
+PART = ".part"  # ending of the name of a file that is still being written
 
 
 class DamagedFileError(ValueError):
-    """A file is missing or not what it should be; the message says what to do."""
+    """Error for a file that is missing or has invalid content; the message says what to do."""
+
+
+@contextlib.contextmanager
+def replacing(path: Path, ending: str = PART) -> Iterator[Path]:
+    """A temporary file next to `path` that takes its name atomically when the block ends without an error.
+
+    A reader, a crash or a full disk never sees half a file: until the content is on disk, `path` is unchanged.
+
+    Args:
+        path: the file to write; its folder is made if missing.
+        ending: of the temporary name, for a writer that chooses the format by it.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=ending)
+    os.close(descriptor)
+    part = Path(name)
+    try:
+        yield part
+        _sync(part)
+        part.chmod(0o644)
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)  # it is renamed already if Ctrl-C came that late
+        raise
+    if os.name == "posix":  # the new name survives a power cut only once the folder is on disk
+        _sync(path.parent)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file or folder is on disk."""
+    descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file so that a reader, a crash or a full disk never meets half of it: the old one stays till then."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(part, 0o644)
-        os.replace(part, path)
-    except BaseException:
-        Path(part).unlink(missing_ok=True)  # it has its name already where Ctrl-C came that late
-        raise
-    if os.name == "posix":  # the new name outlasts a power cut only once the folder is on disk
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+    """Write a file atomically; see `replacing`."""
+    with replacing(path) as part:
+        part.write_bytes(content)
 
 
 def check_writable(folder: Path) -> None:
-    """Find out before long work, not after it, whether its results can be written.
+    """Check before long work that its results can be written to a folder, which is made if missing.
 
     Raises:
         OSError: they cannot.
@@ -49,22 +69,22 @@ def check_writable(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file of text as `write_bytes` does."""
+    """Write a text file, UTF-8, atomically."""
     write_bytes(path, text.encode())
 
 
 def write_json(path: Path, values: Any) -> None:
-    """Write JSON; NaN and infinity are errors, for no other language reads them."""
+    """Write JSON atomically; NaN and infinity are errors, because other languages cannot read them."""
     write_text(path, json.dumps(values, indent=1, allow_nan=False) + "\n")
 
 
 def read_json(path: Path, remedy: str, *, keys: Iterable[str] = ()) -> dict[str, Any]:
-    """Read an object of JSON.
+    """Settings or results from a JSON file that holds an object.
 
     Args:
         path: the file.
-        remedy: what to do where it is missing or damaged; ends the error's line.
-        keys: names it must have.
+        remedy: what to do if it is missing or damaged; ends the error message.
+        keys: required names.
 
     Raises:
         DamagedFileError: it is missing, not JSON, not an object, or without one of the keys.

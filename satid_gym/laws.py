@@ -1,11 +1,11 @@
-"""How the true inertia varies in flight: J(t) = J0 + f(t) change.
+"""Laws by which the true inertia varies in flight: J(t) = J0 + f(t) change.
 
     static    f = 0
     step      f = 0 before `time`, 1 from then on        (deployment)
     drift     f = t / time up to `time`, then 1          (fuel)
     periodic  f = sin(2 pi frequency t + phase)          (slosh)
 
-The change is a fraction of J0, or a tensor of its own. A law of one's own is a table, linear between its knots:
+The change is a fraction of J0, or a tensor. Any other law is a table, linear between its knots:
 
     table     J(t) = factor(t) J0, or J(t) = J0 + D(t)
 """
@@ -14,34 +14,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Self, get_args
+from typing import Literal, Self
 
 import numpy as np
 
 from satid_gym.config import Config, check_number, real_array
+from satid_gym.core import records
 
 InertiaMode = Literal["static", "step", "drift", "periodic"]
-INERTIA_MODES: tuple[InertiaMode, ...] = get_args(InertiaMode)
+LAW_NAMES: tuple[str, ...] = tuple(mode.name.lower() for mode in records.InertiaMode)
 TABLE = "table"  # no mode that episodes or benchmarks draw
-LAW_NAMES: tuple[str, ...] = (*INERTIA_MODES, TABLE)  # in the order of the core's numbers for them
-MOST_KNOTS = 8**5  # of a table
+INERTIA_MODES = tuple(name for name in LAW_NAMES if name != TABLE)
+KNOTS_MAX = 8**5  # of a table
 
 
 @dataclass(frozen=True, eq=False)
 class InertiaLaw(Config):
-    """One law with its numbers.
+    """Inertia law with its numbers.
 
     Attributes:
         mode: static, step, drift, periodic or table.
         size: the change relative to J0: change = size J0.
-        time: s; when the step comes, how long the drift takes to reach its full size.
+        time: s; time of the step, or duration of the drift until its full size.
         frequency: Hz, of the periodic law.
         phase: rad, of the periodic law.
-        change: (3,) or (3, 3) kg m^2, body frame; an absolute change of the tensor in place of size J0.
+        change: (3,) or (3, 3) kg m^2, body frame; an absolute change of the tensor instead of size J0.
         times: (K,) s, increasing; the knots of a table.
         values: of a table, at its knots: factors (K,), J(t) = factor J0, or changes D (K, 3) or (K, 3, 3), kg m^2,
             body frame, J(t) = J0 + D. Linear between the knots, held before the first and after the last.
-        name: what tables call the law; "" for its mode.
+        name: its name in tables; "" for its mode.
 
     Raises:
         ValueError: the mode is unknown or a number is out of range.
@@ -82,10 +83,10 @@ class InertiaLaw(Config):
             raise ValueError("a table has its changes in `values`: leave out `size` and `change`")
         times = real_array("times of the inertia law", self.times)
         count = len(times) if times.ndim == 1 else 0
-        if not 1 <= count <= MOST_KNOTS or np.any(np.diff(times) <= 0.0):
+        if not 1 <= count <= KNOTS_MAX or np.any(np.diff(times) <= 0.0):
             raise ValueError(
-                f"times of the inertia law must be 1 to {MOST_KNOTS} increasing numbers of seconds, got shape "
-                f"{times.shape}" + (f" with {_first_fall(times)}" if 1 <= count <= MOST_KNOTS else "")
+                f"times of the inertia law must be 1 to {KNOTS_MAX} increasing numbers of seconds, got shape "
+                f"{times.shape}" + (f" with {_first_fall(times)}" if 1 <= count <= KNOTS_MAX else "")
             )
         values = real_array("values of the inertia law", self.values, (count,), (count, 3), (count, 3, 3))
         if values.ndim == 1 and np.any(values <= 0.0):
@@ -98,7 +99,7 @@ class InertiaLaw(Config):
 
     @property
     def label(self) -> str:
-        """What tables call it."""
+        """Name of the law in tables."""
         return self.name or self.mode
 
     @property
@@ -108,7 +109,7 @@ class InertiaLaw(Config):
 
     @property
     def changes(self) -> np.ndarray:
-        """(K, 3, 3) kg m^2, the tensors that are added to J0 on the way; none where the change is relative."""
+        """Tensors (K, 3, 3) added to J0, kg m^2; K = 0 if the change is relative."""
         if self.change is not None:
             return self.change[None]
         if self.values is None or self.values.ndim == 1:
@@ -117,33 +118,33 @@ class InertiaLaw(Config):
 
     @property
     def room(self) -> int:
-        """Knots that the core has room for, a power of 8: it is compiled once for each, not for every table."""
+        """Capacity of the core's table, in knots: a power of 8, because the core is compiled for each capacity."""
         return 1 if self.times is None else 8 ** max(0, int(np.ceil(np.log2(len(self.times)) / 3.0)))
 
     @classmethod
     def sampled(
         cls, function: Callable[[float], object], *, horizon: float = 300.0, period: float = 1.0, name: str = ""
     ) -> Self:
-        """A table of what a function gives every `period` seconds, from 0 to `horizon`.
+        """Table law from the values of a function every `period` seconds, from 0 to `horizon`.
 
-        Between two samples the table is off by at most period^2 / 8 times the largest second derivative: 6e-5 of J0
-        for a wave of 3 % at 0.02 Hz sampled every second.
+        The error between two samples is at most period^2 / 8 times the largest second derivative: 6e-5 of J0 for a wave
+        of 3 % at 0.02 Hz sampled every second.
 
         Args:
             function: of the time, s: a factor of J0, or a change (3,) or (3, 3) in kg m^2 that is added to J0.
-            horizon: s; a whole number of periods.
+            horizon: s; a multiple of the period.
             period: s.
-            name: what tables call the law.
+            name: its name in tables.
 
         Raises:
-            ValueError: the periods do not fill the horizon, or what the function gives is not valid.
+            ValueError: the horizon is not a multiple of the period, or a value of the function is not valid.
         """
         check_number("horizon of the inertia law", horizon, strict=True)
         check_number("period of the inertia law", period, strict=True)
         count = horizon / period
-        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) < MOST_KNOTS:
+        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) < KNOTS_MAX:
             raise ValueError(
-                f"horizon / period of the inertia law must be a whole number below {MOST_KNOTS}, got {count:g}"
+                f"horizon / period of the inertia law must be a whole number below {KNOTS_MAX}, got {count:g}"
             )
         times = period * np.arange(round(count) + 1)
         return cls("table", times=times, values=np.array([function(float(t)) for t in times]), name=name)
@@ -169,7 +170,7 @@ class LawRanges(Config):
         phase: of the oscillation, rad.
 
     Raises:
-        ValueError: a range is reversed or goes beyond what makes sense; the message says what does.
+        ValueError: a range is reversed or outside its bounds; the message gives them.
     """
 
     step_size: tuple[float, float] = (0.05, 0.15)
@@ -214,9 +215,10 @@ PAPER_LAWS = LawRanges(
 def paper_law(mode: InertiaMode, horizon: float = 300.0) -> InertiaLaw:
     """The paper's law of one mode over `horizon` seconds."""
     if mode == "step":
-        return InertiaLaw("step", size=0.1, time=0.5 * horizon)
+        return InertiaLaw("step", size=PAPER_LAWS.step_size[0], time=PAPER_LAWS.step_time[0] * horizon)
     if mode == "drift":
-        return InertiaLaw("drift", size=0.05, time=horizon)
+        return InertiaLaw("drift", size=PAPER_LAWS.drift_size[0], time=horizon)
     if mode == "periodic":
-        return InertiaLaw("periodic", size=0.03, frequency=0.02)
+        size, frequency, phase = PAPER_LAWS.periodic_size[0], PAPER_LAWS.frequency[0], PAPER_LAWS.phase[0]
+        return InertiaLaw("periodic", size=size, frequency=frequency, phase=phase)
     return InertiaLaw(mode)

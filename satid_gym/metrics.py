@@ -1,4 +1,4 @@
-"""Scores of an episode, and intervals over many: small functions of arrays.
+"""Scores of episodes, and confidence intervals over them: small functions of arrays.
 
 Series have shape (T, N): T decisions of N episodes.
 """
@@ -9,9 +9,19 @@ import numpy as np
 import scipy.stats
 
 FINAL_FRACTION = 0.2  # the paper's window
-MOST_BEYOND = 0.01  # of the time; who is beyond the envelope for longer does not keep to it
-_FEW = 20  # episodes below which Student's t alone gives the interval
-SETTLING = 10.0  # s after a step of the inertia that consistency leaves out
+BEYOND_MAX = 0.01  # share of the time beyond the envelope, up to which a policy counts as inside it
+_BOOTSTRAP_MIN = 20  # episodes; with fewer, Student's t alone gives the interval
+SETTLING = 10.0  # s after a step of the inertia, left out of the consistency
+
+
+def relative_error(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Relative error (...) of inertia tensors: |estimate - truth| / |truth| in the Frobenius norm, the paper's metric.
+
+    Args:
+        estimate: (..., 3, 3) kg m^2, body frame; NaN without an estimate.
+        truth: (..., 3, 3) kg m^2, body frame.
+    """
+    return np.linalg.norm(estimate - truth, axis=(-2, -1)) / np.linalg.norm(truth, axis=(-2, -1))
 
 
 def final_error(error: np.ndarray) -> np.ndarray:
@@ -26,13 +36,13 @@ def mean_error(error: np.ndarray) -> np.ndarray:
 
 
 def time_to(error: np.ndarray, time: np.ndarray, threshold: float = 0.01) -> np.ndarray:
-    """First time (N,) at which the error is at most `threshold`; infinite where it never is."""
+    """First time (N,) at which the error is at most `threshold`; infinite if never."""
     reached = error <= threshold
     return np.where(reached.any(axis=0), time[reached.argmax(axis=0)], np.inf)
 
 
 def consistency(nees: np.ndarray, time: np.ndarray, step_time: float | None = None) -> np.ndarray:
-    """Mean NEES per degree of freedom of each episode (N,), leaving out NaN and the 10 s after a step of J."""
+    """Mean NEES per degree of freedom of each episode (N,), without NaN and without the 10 s after a step of J."""
     keep = np.ones(len(time), bool)
     if step_time is not None:
         keep = (time < step_time) | (time > step_time + SETTLING)
@@ -40,7 +50,7 @@ def consistency(nees: np.ndarray, time: np.ndarray, step_time: float | None = No
 
 
 def beyond_envelope(outside_fraction: float, saturated_fraction: float) -> float:
-    """Share of the time beyond the envelope: outside the rate limit or, where that is more, at the wheel speed limit.
+    """Share of the time beyond the envelope: the larger of the two shares below.
 
     Args:
         outside_fraction: share of the time with a body rate outside its limit.
@@ -65,16 +75,16 @@ def improvements(values: np.ndarray, others: np.ndarray) -> np.ndarray:
 def bootstrap(values: np.ndarray, *, trim: float = 0.0, seed: int = 0, resamples: int = 2000) -> tuple[float, float]:
     """95 % interval (low, high) of a mean over independent episodes (N,), by the studentised bootstrap.
 
-    Where errors are skewed it covers better than percentile and BCa intervals do, `python -m tests.interval_coverage`
-    measures it; to neither side is it shorter than Student's t, for the tails that a sample may not show. Below 20
-    episodes resamples say too little, and Student's t is all. Where all values that the mean keeps are the same, both
-    ends are that value.
+    For skewed errors its coverage is better than that of percentile and BCa intervals, as measured by
+    `python -m tests.interval_coverage`. On either side it is at least as long as Student's t interval, because a
+    sample may not show the tails. With fewer than 20 episodes it is Student's t interval. If all values that the mean
+    keeps are equal, both ends are that value.
 
     Args:
-        values: one number an episode.
-        trim: share that the mean leaves out at either end; 0.25 is the interquartile mean.
+        values: (N,) one number per episode.
+        trim: share of the values that the mean leaves out at either end; 0.25 gives the interquartile mean.
         seed: of the resampling.
-        resamples: how many.
+        resamples: number of resamples.
 
     Source: Efron and Tibshirani 1993, section 12.5, with the trimmed mean's standard error of Tukey and
     McLaughlin 1963.
@@ -87,20 +97,20 @@ def bootstrap(values: np.ndarray, *, trim: float = 0.0, seed: int = 0, resamples
     if error == 0.0:
         return point, point
     low, high = scipy.stats.t.ppf((0.025, 0.975), count - 2 * int(trim * count) - 1)
-    if count >= _FEW:
+    if count >= _BOOTSTRAP_MIN:
         drawn = values[np.random.default_rng(seed).integers(0, count, (resamples, count))]
         means, errors = _trimmed_mean(drawn, trim)
-        spread = errors > 0.0  # a resample of equal values has no scale of its own
+        spread = errors > 0.0  # a resample of equal values has no scale
         ends = np.quantile((means - point)[spread] / errors[spread], (0.025, 0.975))
         low, high = min(low, ends[0]), max(high, ends[1])
     return float(point - high * error), float(point - low * error)
 
 
 def proportion_interval(shares: np.ndarray) -> tuple[float, float]:
-    """95 % interval (low, high) of the mean of shares (N,) within [0, 1], as those of `improvements`.
+    """95 % interval (low, high) of the mean of shares (N,) within [0, 1], such as those of `improvements`.
 
-    Clopper and Pearson's, which covers no less whatever the truth is. Wilson's covers less for some shares, and a
-    bootstrap of 100 wins out of 100 knows no defeats. Ties, of 1/2, only make it wide.
+    The interval of Clopper and Pearson, whose coverage is at least 95 % for every true share. Wilson's covers less
+    for some shares, and a bootstrap of 100 wins out of 100 has no width. Ties, which count 1/2, make it wider.
     Source: Clopper and Pearson 1934.
     """
     count, wins = len(shares), float(np.sum(shares))

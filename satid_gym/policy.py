@@ -1,4 +1,4 @@
-"""What decides: one protocol for scripted, closed-loop and learned excitation."""
+"""Policies: one protocol for scripted, closed-loop and learned excitation."""
 
 from __future__ import annotations
 
@@ -8,39 +8,42 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from satid_gym.estimators.settings import brief
+from satid_gym.estimators.prior import FilterPrior
+from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.problem import Problem
 from satid_gym.satellite import Satellite
-from satid_gym.scenario import Scenario
+from satid_gym.scenario import Scenario, prior_of
 
 Kind = Literal["scripted", "closed_loop", "learned", "reference"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mission:
-    """What a policy is told before an episode: what its designer would know, and nothing of the truth.
+    """Briefing of a policy before an episode: what its designer would know, and nothing of the truth.
 
     Attributes:
         satellite: nominal, with the limits and sensors it is operated with.
-        prior_inertia: (3, 3) mean of the filter's prior, kg m^2.
-        scenario: the world; its estimator is the filter that is flown.
+        prior: of the filter.
+        estimator: settings of the filter that is flown.
+        scenario: the world.
         layout: names and places of the observation's parts.
     """
 
     satellite: Satellite
-    prior_inertia: np.ndarray
+    prior: FilterPrior
+    estimator: EstimatorSettings
     scenario: Scenario
     layout: dict[str, slice]
 
 
 def missions(problem: Problem) -> list[Mission]:
     """One mission for each satellite of a problem."""
-    scenario = problem.scenario.replace(estimator=problem.estimator.to_dict())
-    places = problem.layout
+    scenario, places = problem.scenario, problem.layout
     return [
         Mission(
             satellite=scenario.operate(satellite),
-            prior_inertia=brief(satellite, scenario).inertia,
+            prior=prior_of(satellite, scenario),
+            estimator=problem.estimator,
             scenario=scenario,
             layout=places,
         )
@@ -49,7 +52,7 @@ def missions(problem: Problem) -> list[Mission]:
 
 
 class Policy(Protocol):
-    """Chooses the actions of a batch of episodes that run side by side.
+    """Choice of actions for a batch of episodes that run side by side.
 
     A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance.
 

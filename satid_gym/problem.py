@@ -1,7 +1,4 @@
-"""The problem an environment poses: satellites, inertia law, scenario, estimator, reward.
-
-Both environments are built from one `Problem`, and the core's templates are built from it here.
-"""
+"""Problem that an environment poses: satellites, inertia law, scenario, estimator, reward."""
 
 from __future__ import annotations
 
@@ -14,22 +11,12 @@ import numpy as np
 from satid_gym import sources
 from satid_gym.config import Config, check_whole, unknown_name
 from satid_gym.core.observation import layout
-from satid_gym.core.records import draw_dtype, task_dtype
-from satid_gym.disturbance import Disturbance
-from satid_gym.estimators.belief import new_belief, state_size
-from satid_gym.estimators.settings import (
-    PARAMETER_COUNT,
-    EstimatorSettings,
-    Parameters,
-    brief,
-    estimator_settings,
-    products_of_inertia,
-)
-from satid_gym.faults import Faults
-from satid_gym.laws import INERTIA_MODES, TABLE, InertiaLaw, LawRanges
-from satid_gym.plant import new_plant
-from satid_gym.reward import CRITERIA, NUMBERS, RewardSettings, reward_settings
-from satid_gym.satellite import SATELLITES, Satellite, inertia_tensor
+from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, products_of_inertia
+from satid_gym.estimators.registry import estimator_settings, preset_name
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.laws import INERTIA_MODES, InertiaLaw
+from satid_gym.reward import RewardSettings, reward_settings
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
@@ -45,7 +32,7 @@ class Problem(Config):
         satellites: an episode draws one of them; all have the same number of wheels.
         inertia: "random", a mode whose law is drawn from the scenario's ranges, or one exact law.
         scenario: the world.
-        estimator: tuning of the compiled filter; `parameters` that were left open are settled here: "full" where a
+        estimator: settings of the filter; `parameters` that were left open are settled here: "full" where a
             satellite, the law or the scenario has products of inertia about the body axes, else "principal".
         reward: what pays.
         include_covariance: whether the filter's whole covariance is observed.
@@ -97,9 +84,10 @@ class Problem(Config):
             ValueError: the filter estimates three moments.
         """
         if self.parameters == "principal":
+            name = preset_name(self.estimator)
             raise ValueError(
                 f'{missed}: a filter with parameters "principal" leaves products of inertia out and is far off without '
-                f'saying so. Make the environment with estimator={{"name": "{self.estimator.name}", "parameters": '
+                f'saying so. Make the environment with estimator={{"name": "{name}", "parameters": '
                 '"full"}, or without parameters: it then takes what its satellites, law and scenario need'
             )
 
@@ -118,7 +106,7 @@ class Problem(Config):
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
         p = PARAMETER_COUNT[self.parameters]
-        others = state_size(self.estimator, self.parameters, self.wheels) - p if self.include_covariance else 0
+        others = self.estimator.other_states(self.wheels) if self.include_covariance else 0
         return layout(self.wheels, p, others)
 
 
@@ -162,7 +150,7 @@ def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
         ValueError: a name is unknown or a value is not valid.
     """
     if isinstance(satellite, str) and satellite == "random":
-        return tuple(SATELLITES.values())
+        return tuple(SATELLITES[name] for name in BENCHMARK_SATELLITES)
     if isinstance(satellite, (str, Satellite, Mapping)):
         return (_satellite(satellite),)
     if not isinstance(satellite, Sequence) or not satellite:
@@ -229,123 +217,3 @@ def _changed_scenario(value: Mapping[str, Any]) -> Scenario:
     if "base" in value:
         raise unknown_name("base of a scenario", base, SCENARIOS)
     return Scenario.from_dict(changes)
-
-
-@dataclass(frozen=True)
-class Templates:
-    """The core's records, one row a satellite."""
-
-    satellites: tuple[Satellite, ...]
-    draws: np.ndarray
-    plants: np.ndarray
-    beliefs: np.ndarray
-    tasks: np.ndarray
-
-    @property
-    def records(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What an episode starts as."""
-        return self.plants, self.beliefs, self.tasks
-
-
-def build_templates(p: Problem, inertia: np.ndarray | None = None, room: int = 1) -> Templates:
-    """Templates of a problem, with room for so many knots or more; a true `inertia` replaces the drawn one.
-
-    Raises:
-        ValueError: `inertia` is no rigid body's, or has products that the problem's filter leaves out.
-    """
-    rows = [_template(p, satellite, inertia, room) for satellite in p.satellites]
-    columns = zip(*rows, strict=True)
-    draws, plants, beliefs, tasks = (np.concatenate(parts).view(parts[0].dtype) for parts in columns)
-    tasks["template"] = np.arange(len(tasks))
-    return Templates(p.satellites, draws, plants, beliefs, tasks)
-
-
-def _template(p: Problem, satellite: Satellite, inertia: np.ndarray | None, room: int) -> tuple[np.ndarray, ...]:
-    scenario = p.scenario
-    operating = scenario.operate(satellite)
-    law = p.inertia if isinstance(p.inertia, InertiaLaw) else None
-    disturbance = Disturbance(
-        gravity_gradient=scenario.gravity_gradient,
-        solar_force=(scenario.solar_pressure, 0.0, 0.0),
-        orbit_rate=scenario.orbit_rate,
-    )
-    true = operating if inertia is None else operating.replace(inertia=inertia_tensor(inertia, "true inertia"))
-    if inertia is not None and (found := products_of_inertia(true.inertia, np.diag(true.inertia))):
-        p.check_parameters(f"the true inertia has products of inertia about the body axes, {found}")
-    plants = new_plant(true, law, disturbance, room)
-    plant = plants[0]
-    plant["torque_noise_std"] = scenario.torque_noise * operating.wheels.max_torque
-    plant["torque_lag"] = scenario.torque_lag
-    plant["gyro_noise_std"], plant["gyro_bias_walk"] = operating.gyro_noise_std, scenario.gyro_bias_walk
-    plant["tachometer_noise_std"] = operating.tachometer_noise_std
-    plant["outlier_probability"] = scenario.faults.gyro_outlier
-    plant["outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
-    briefing = brief(satellite, scenario)
-    beliefs = new_belief(briefing, p.estimator)
-    tasks = _task(p, operating, briefing.inertia)
-    draws = _draw(p, operating, law, room)
-    if inertia is not None:
-        draws["inertia_std"] = draws["tilt_std"] = 0.0
-    return draws, plants, beliefs, tasks
-
-
-def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
-    scenario, reward = p.scenario, p.reward
-    rows = np.zeros(1, task_dtype(satellite.wheels.count))
-    task = rows[0]
-    task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
-    task["decisions"] = scenario.decisions
-    task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
-    task["rate_limit"] = satellite.rate_limit
-    task["termination_rate"] = scenario.termination_factor * satellite.rate_limit
-    full = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
-    task["authority"] = full * scenario.decision_period / np.diag(prior) / satellite.rate_limit
-    stored = np.abs(satellite.wheels.axes) @ (satellite.wheels.inertia * satellite.wheels.max_speed)
-    task["swing"] = np.diag(prior) * satellite.rate_limit / stored
-    task["criterion"], task["net"] = CRITERIA.index(reward.criterion), reward.net
-    for name in NUMBERS:
-        task[name] = getattr(reward, name)
-    return rows
-
-
-def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:
-    scenario = p.scenario
-    rows = np.zeros(1, draw_dtype(max(room, law.room if law is not None else 1)))
-    draw = rows[0]
-    draw["inertia_std"], draw["tilt_std"] = scenario.inertia_std, scenario.tilt_std
-    draw["wheel_speed_range"] = scenario.wheel_speed_range
-    draw["rate_std"] = scenario.initial_rate_std * satellite.rate_limit
-    draw["disturbance_std"] = satellite.disturbance_std
-    draw["attitude_random"] = scenario.random_attitude
-    if law is None:
-        modes = INERTIA_MODES if p.inertia == "random" else (p.inertia,)
-        draw["law_probability"] = [(mode in modes) / len(modes) for mode in INERTIA_MODES]
-        _write_ranges(draw, scenario.laws, scenario.horizon)
-    else:
-        draw["law_probability"] = [mode == law.mode for mode in INERTIA_MODES]
-        draw["law_size"], draw["law_time"] = law.size, law.time
-        draw["law_frequency"], draw["law_phase"] = law.frequency, law.phase
-        draw["change_given"] = not law.relative
-        if law.mode == TABLE and law.relative:
-            assert law.values is not None
-            draw["knot_size"][: len(law.values)] = law.values - 1.0
-    _write_faults(draw, scenario.faults, scenario.horizon)
-    return rows
-
-
-def _write_faults(draw: np.void, faults: Faults, horizon: float) -> None:
-    draw["faulty"] = faults.possible
-    draw["fault_time"] = [horizon * x for x in faults.time]
-    draw["dropout_probability"], draw["dropout_silent"] = faults.gyro_dropout, faults.gyro_dropout_silent
-    draw["dropout_duration"] = faults.gyro_dropout_duration
-    draw["bias_std"] = faults.gyro_bias_std
-    draw["stuck_probability"], draw["stuck_duration"] = faults.tachometer_stuck, faults.tachometer_stuck_duration
-    draw["loss_probability"], draw["loss_size"] = faults.wheel_loss, faults.wheel_loss_size
-    draw["torque_delay"] = faults.torque_delay
-
-
-def _write_ranges(draw: np.void, laws: LawRanges, horizon: float) -> None:
-    static, one = (0.0, 0.0), (horizon, horizon)
-    draw["law_size"] = [static, laws.step_size, laws.drift_size, laws.periodic_size]
-    draw["law_time"] = [one, [horizon * x for x in laws.step_time], one, one]
-    draw["law_frequency"], draw["law_phase"] = laws.frequency, laws.phase

@@ -1,15 +1,16 @@
-"""The paper's eight torque profiles: unit-amplitude signals, and the amplitudes that the paper flew.
+"""Torque profiles of the paper: eight signals of unit amplitude, and the amplitudes used there.
 
 A profile is a pure function of time (N,) in s that gives the torque on the body about its three axes, (N, 3),
 as a multiple of an amplitude; the largest value it can reach is 1. The horizon T, in s, sets the duration of
 the steps and of the chirp; the sines keep their frequencies.
 Source: "Towards Active Excitation-Based Dynamic Inertia Identification in Satellites", arXiv 2510.16738,
-Table I; numbers that it leaves out come from its authors' public code.
+Table I; numbers that it does not give are those of its authors' public code.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -45,12 +46,12 @@ def _on_all_axes(signal: np.ndarray) -> np.ndarray:
 
 
 def one_step(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
-    """Full torque for the first third of the horizon, then none."""
+    """Full torque in the first third of the horizon, then zero."""
     return _on_all_axes(np.where(time < horizon / 3.0, 1.0, 0.0))
 
 
 def multi_step(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
-    """Six equal segments: + - 0 + - 0; none after the horizon."""
+    """Six equal segments: + - 0 + - 0; zero after the horizon."""
     segment = np.floor(6.0 * time / horizon).astype(int)
     return _on_all_axes(np.where(segment < 6, np.array([1.0, -1.0, 0.0])[segment % 3], 0.0))
 
@@ -67,7 +68,7 @@ def sine(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
 
 
 def multi_sine(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
-    """Two tones of its own for each axis; amplitude 1 is the sum of the largest axis's tones."""
+    """Two tones per axis, different for each axis; amplitude 1 is the largest sum of an axis's tones."""
     first, second = MULTI_SINE_FREQUENCIES.T
     phases = 2.0 * np.pi * time[:, None]
     tones = MULTI_SINE_AMPLITUDES / PAPER_AMPLITUDES["multi_sine"]
@@ -75,7 +76,7 @@ def multi_sine(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
 
 
 def prbs(time: np.ndarray, *, horizon: float = HORIZON, seed: int = 1) -> np.ndarray:
-    """Pseudo-random binary: each axis draws its sign anew every 20 s, from `seed`."""
+    """Pseudo-random binary sequence: each axis draws a new sign every 20 s, from `seed`."""
     segment = np.floor(time / PRBS_HOLD).astype(int)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(segment.max(initial=0) + 1, 3))
     return signs[segment]
@@ -88,27 +89,30 @@ def chirp(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
 
 
 def sine_3axis(time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
-    """One tone of 0.01 Hz with an amplitude of its own for each axis; amplitude 1 is the largest."""
+    """One tone of 0.01 Hz, with a different amplitude on each axis; amplitude 1 is the largest."""
     return np.sin(2.0 * np.pi * SINE_FREQUENCY * time)[:, None] * SINE_3AXIS_AMPLITUDES / SINE_3AXIS_AMPLITUDES.max()
 
 
-PROFILES: dict[str, Profile] = {
-    profile.__name__: profile for profile in (one_step, multi_step, sawtooth, sine, multi_sine, prbs, chirp, sine_3axis)
-}
+_PAPER = (one_step, multi_step, sawtooth, sine, multi_sine, prbs, chirp, sine_3axis)
+PROFILES: Mapping[str, Profile] = MappingProxyType({profile.__name__: profile for profile in _PAPER})
+"""The paper's eight, a closed set: claims and figures of "the eight" are about these, so nothing can be added.
+
+A scripted signal of your own is a baseline: an entry of `satid_gym.policies.registry.BASELINES`.
+"""
 
 
 def wheel_torque(body_torque: np.ndarray, wheels: ReactionWheels) -> np.ndarray:
-    """Motor torque (..., n) of least norm that puts `body_torque` (..., 3) on the body, which feels -A u."""
+    """Motor torque u (..., n), N m, of least norm for a torque -A u = `body_torque` (..., 3) on the body."""
     return -body_torque @ np.linalg.pinv(wheels.axes).T
 
 
 def paper_torque(profile: str, satellite: Satellite, time: np.ndarray, *, horizon: float = HORIZON) -> np.ndarray:
-    """Motor torque (N, n) in N m of a profile at the paper's amplitude, cut to the wheels' limits as there.
+    """Motor torque (N, n), N m, of a profile at the paper's amplitude, clipped to the wheels' limits as in the paper.
 
     Args:
         profile: name among `PROFILES`.
         satellite: one of the paper's three; its name chooses the amplitude.
-        time: (N,) s, when each torque begins to be held.
+        time: (N,) s, start of the interval over which each torque is held.
         horizon: s.
 
     Raises:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from satid_gym.config import Config, check_number
 
 Criterion = Literal["logdet", "trace", "maxeig"]
-CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
 NUMBERS = (
     "gain_scale",
     "held_scale",

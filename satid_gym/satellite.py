@@ -1,4 +1,4 @@
-"""Satellites: inertia, reaction wheels, sensors, operating envelope."""
+"""Satellites: inertia, reaction wheels, sensors and operating envelope."""
 
 from __future__ import annotations
 
@@ -9,37 +9,53 @@ import numpy as np
 
 from satid_gym.config import Config, check_number, real_array
 
-_UNIT = 1e-6  # how far a wheel's axis may be from unit length
-_MOMENTS = (1e-9, 1e12)  # kg m^2: a chip of a gram has 1e-7, the International Space Station 2e8
+_LENGTH_TOLERANCE = 1e-6  # of a wheel axis, whose length must be 1
+_MOMENT_RANGE = (1e-9, 1e12)  # kg m^2: a chip satellite of 1 g has 1e-7, the International Space Station 2e8
 _TRIANGLE = 1e-9  # relative slack of the triangle inequalities: flat plates meet them with equality
 
 
+def second_moment(inertia: np.ndarray) -> np.ndarray:
+    """Second moment of the mass S = sum m r r^T (3, 3), kg m^2, of an inertia tensor J (3, 3): S = tr(J)/2 1 - J.
+
+    J is that of a rigid body if and only if S is positive semidefinite. Each eigenvalue of S is half the sum of two
+    principal moments of J minus the third, so it is negative where a triangle inequality is broken; one eigenvalue of
+    a flat plate is 0.
+    Source: Wensing, Kim, Slotine, IEEE RA-L 3(1), 2018.
+    """
+    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
+
+
+def least_second_moment(inertia: np.ndarray) -> float:
+    """Smallest eigenvalue of the second moment of an inertia tensor (3, 3), kg m^2; negative if not a rigid body's."""
+    return float(np.linalg.eigvalsh(second_moment(inertia))[0])
+
+
 def inertia_tensor(inertia: object, name: str = "inertia") -> np.ndarray:
-    """A physical inertia tensor, kg m^2, body frame.
+    """Inertia tensor of a rigid body, kg m^2, body frame.
 
     Args:
         inertia: (3,) principal moments along the body axes, or (3, 3) symmetric tensor.
-        name: what the error message calls it.
+        name: its name in error messages.
 
     Returns:
         (3, 3) read-only array.
 
     Raises:
         ValueError: not symmetric, not positive definite, its principal moments are beyond those of any
-            spacecraft (1e-9 to 1e12 kg m^2), or they break a triangle inequality, so that no rigid body can have it.
+            spacecraft (1e-9 to 1e12 kg m^2), or they break a triangle inequality, which every rigid body meets.
     """
     array = real_array(name, inertia, (3,), (3, 3))
     tensor = np.diag(array) if array.ndim == 1 else array
-    if np.abs(tensor).max() > _MOMENTS[1]:  # first of all: their products would overflow
-        raise _beyond(name, np.abs(tensor).max())
+    if np.abs(tensor).max() > _MOMENT_RANGE[1]:  # before the others, because products of such moments overflow
+        raise _out_of_range(name, np.abs(tensor).max())
     if not np.allclose(tensor, tensor.T, rtol=0.0, atol=1e-9 * np.abs(tensor).max()):
         raise ValueError(f"{name} must be symmetric, got {tensor.tolist()}")
     moments = np.linalg.eigvalsh(tensor)
     if moments[0] <= 0.0:
         raise ValueError(f"{name} must be positive definite; its principal moments are {moments.tolist()}")
-    if moments[0] < _MOMENTS[0]:
-        raise _beyond(name, moments[0])
-    if moments[0] + moments[1] < moments[2] * (1.0 - _TRIANGLE):
+    if moments[0] < _MOMENT_RANGE[0]:
+        raise _out_of_range(name, moments[0])
+    if least_second_moment(tensor) < -0.5 * _TRIANGLE * moments[2]:
         raise ValueError(
             f"{name} breaks the triangle inequality of principal moments: "
             f"{moments[0]:.6g} + {moments[1]:.6g} < {moments[2]:.6g}, so no rigid body can have it"
@@ -49,8 +65,8 @@ def inertia_tensor(inertia: object, name: str = "inertia") -> np.ndarray:
     return tensor
 
 
-def _beyond(name: str, moment: float) -> ValueError:
-    low, high = _MOMENTS
+def _out_of_range(name: str, moment: float) -> ValueError:
+    low, high = _MOMENT_RANGE
     return ValueError(
         f"{name} is beyond any spacecraft's: its moments must be within {low:g} and {high:g} kg m^2, got {moment:g}; "
         "is it in kg m^2?"
@@ -59,7 +75,7 @@ def _beyond(name: str, moment: float) -> ValueError:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReactionWheels(Config):
-    """A set of n >= 3 reaction wheels.
+    """Set of n >= 3 reaction wheels.
 
     Attributes:
         axes: (3, n) spin axes, unit columns, body frame; they must span space.
@@ -82,7 +98,7 @@ class ReactionWheels(Config):
         if axes.ndim != 2 or axes.shape[0] != 3 or axes.shape[1] < 3:
             raise ValueError(f"wheel axes must have shape (3, n) with n >= 3, got {axes.shape}")
         length = np.linalg.norm(axes, axis=0)
-        if np.abs(length - 1.0).max() > _UNIT:
+        if np.abs(length - 1.0).max() > _LENGTH_TOLERANCE:
             raise ValueError(f"wheel axes must be unit columns; their lengths are {length.tolist()}: divide by them")
         if np.linalg.matrix_rank(axes, tol=1e-6) < 3:
             raise ValueError("wheel axes must span space; these lie in a plane")
@@ -103,29 +119,29 @@ class ReactionWheels(Config):
         return int(self.axes.shape[1])
 
     @property
-    def carried_inertia(self) -> np.ndarray:
-        """A j A^T (3, 3), kg m^2: what the spinning wheels take from the body's inertia."""
+    def rotor_inertia(self) -> np.ndarray:
+        """Inertia of the rotors about their spin axes, A j A^T (3, 3), kg m^2, which the free body lacks."""
         return (self.axes * self.inertia) @ self.axes.T
 
 
 @dataclass(frozen=True, eq=False)
 class Satellite(Config):
-    """A satellite as its builders know it: nominal values, which the true ones scatter about.
+    """Satellite with its nominal values, about which the true ones are drawn.
 
     Attributes:
-        name: what tables call it.
+        name: its name in tables.
         inertia: nominal inertia about the centre of mass, wheels locked, kg m^2, body frame; (3,) principal
             moments or (3, 3) tensor, kept as (3, 3).
         wheels: reaction wheels, or a mapping with their settings.
-        mass: kg, for display.
-        size: (3,) m, for display.
+        mass: kg, for display only.
+        size: (3,) m, for display only.
         rate_limit: largest body rate about any axis in operation, rad/s.
         gyro_noise_std: white noise of a gyro sample, rad/s.
         tachometer_noise_std: white noise of a wheel speed sample, rad/s.
         disturbance_std: standard deviation of the unknown disturbance torque about each axis, N m.
 
     Raises:
-        ValueError: a value is not physical; the message says which and why.
+        ValueError: a value is not physically possible; the message says which and why.
     """
 
     name: str
@@ -147,10 +163,10 @@ class Satellite(Config):
             object.__setattr__(self, "wheels", ReactionWheels.from_dict(self.wheels))
         if not isinstance(self.wheels, ReactionWheels):
             raise ValueError(f"wheels must be ReactionWheels or a mapping of its settings, got {self.wheels!r}")
-        rest = np.linalg.eigvalsh(self.inertia - self.wheels.carried_inertia)
+        rest = np.linalg.eigvalsh(self.inertia - self.wheels.rotor_inertia)
         if rest[0] <= 0.0:
             raise ValueError(
-                f"inertia of {self.name} must exceed what its wheels carry, A j A^T; "
+                f"inertia of {self.name} must exceed its rotors' inertia, A j A^T; "
                 f"the principal moments of the difference are {rest.tolist()}"
             )
         if self.mass is not None:
@@ -176,7 +192,7 @@ def _paper(
     gyro_noise_std: float,
     disturbance_std: float,
 ) -> Satellite:
-    """A satellite of the paper's Table II, with the default scenario's envelope and sensors."""
+    """Satellite of the paper's Table II, with the default scenario's envelope and sensors."""
     max_torque, max_speed, wheel_inertia = wheels
     return Satellite(
         name,
@@ -198,3 +214,8 @@ SATELLITES: dict[str, Satellite] = {
         _paper("smallsat", 118.0, (0.7, 0.8, 1.0), (10.6, 14.2, 15.3), (0.1, 1500.0, 3e-3), 0.02, 2e-5, 1e-4),
     )
 }
+BENCHMARK_SATELLITES = ("cubesat", "microsat", "smallsat")
+"""Names of the satellites of the benchmark, of satellite "random" and of training: the paper's three.
+
+Not the whole catalogue, so that a satellite added to `SATELLITES` changes no draw and no cell.
+"""

@@ -1,6 +1,6 @@
-"""SatInertiaID-v0 for Stable-Baselines3, on the native vector environment.
+"""Vector environments for Stable-Baselines3, on the native vector environment.
 
-The only module of the library that needs Stable-Baselines3; nothing else imports it.
+The only module of the library that imports Stable-Baselines3; no other module imports this one.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ class SatInertiaIDVecEnv(VecEnv):
 
     The info of an episode's last step holds `terminal_observation`, `TimeLimit.truncated`, `episode`
     (as Stable-Baselines3's Monitor gives it) and the final `relative_error`; other infos are empty, because
-    no algorithm reads them and making them costs more than a step.
+    no algorithm reads them and making them takes longer than a step.
 
     Args:
-        num_envs: how many.
-        bootstrap: True reports the horizon as a time limit, so that algorithms add the value of what would
-            follow (one forward pass for every episode). False reports it as the end of the task, which it is
-            for a policy that observes the time left.
+        num_envs: number of environments.
+        bootstrap: True reports the horizon as a time limit, so that algorithms add the value of the last state
+            (one forward pass for every episode). False reports it as the end of the task, which is right for a policy
+            that observes the time left.
         stagger: start the first episodes with less time left, evenly spread, so that a rollout holds every part
-            of an episode and resets do not come all at once. For training alone: the first episodes are then
-            shorter, which an evaluation would count.
+            of an episode and resets are spread over time. For training only: the first episodes are shorter,
+            which would distort an evaluation.
         **settings: of `SatInertiaIDVectorEnv`, without `autoreset_mode`.
     """
 
@@ -50,7 +50,7 @@ class SatInertiaIDVecEnv(VecEnv):
         super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
 
     def reset(self) -> np.ndarray:
-        """Start an episode in every environment, with the seeds and options set before, if any."""
+        """Start an episode in every environment, with the seeds and options that were set, if any."""
         seeds = self._seeds if any(s is not None for s in self._seeds) else None
         options = self._options[0]
         if any(o != options for o in self._options):
@@ -67,7 +67,7 @@ class SatInertiaIDVecEnv(VecEnv):
         self._actions = np.asarray(actions)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Take one decision in every environment; ended episodes are started anew."""
+        """Take one decision in every environment; ended episodes are restarted."""
         if self._actions is None:
             raise RuntimeError("call step_async(actions) before step_wait()")
         observations, rewards, terminated, truncated, vector_infos = self.vector_env.step(self._actions)
@@ -99,7 +99,7 @@ class SatInertiaIDVecEnv(VecEnv):
         return [getattr(self.vector_env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        """Not possible for single environments of a compiled vector."""
+        """Unsupported: the environments of a compiled vector share their attributes and methods."""
         raise NotImplementedError(
             "environments of a compiled vector have no attributes of their own; make a new vector"
         )
@@ -107,7 +107,7 @@ class SatInertiaIDVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: int | Iterable[int] | None = None, **kwargs: Any
     ) -> list[Any]:
-        """Not possible for single environments of a compiled vector."""
+        """Unsupported: the environments of a compiled vector share their attributes and methods."""
         raise NotImplementedError("compiled environments have no methods of their own; call vector_env's")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
@@ -119,11 +119,11 @@ class SatInertiaIDVecEnv(VecEnv):
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that a later `restore` needs to go on as if nothing had happened."""
+        """State from which `restore` continues exactly."""
         return {**self.vector_env.state(), "returns": self._returns.copy(), "lengths": self._lengths.copy()}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go back to a `state` of an adapter with the same settings."""
+        """Return to a `state` of an adapter with the same settings."""
         self.vector_env.restore(state)
         self._returns, self._lengths = state["returns"].copy(), state["lengths"].copy()
 
@@ -134,11 +134,11 @@ class SatInertiaIDVecEnv(VecEnv):
 
 
 class RateCommandVecEnv(SatInertiaIDVecEnv):
-    """Actions are body rates, as fractions of what the envelope allows; the rate loop turns them into torque.
+    """`SatInertiaIDVecEnv` whose actions are body rates over their limits; the rate loop gives the torque.
 
     Args:
-        num_envs: how many.
-        margin: of the rate loop, see `satid_gym.control.rate_loop.RateLoop`; None passes actions on as wheel torque.
+        num_envs: number of environments.
+        margin: of the rate loop, see `satid_gym.control.rate_loop.RateLoop`; None means that actions are wheel torque.
         **settings: of `SatInertiaIDVecEnv`.
 
     Attributes:
@@ -160,7 +160,7 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
         return self._observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Turn commands into torque and keep them for `step_wait`."""
+        """Convert rate commands to torque and keep it for `step_wait`."""
         start = time.perf_counter()
         if self._loop is not None:
             rows = self.vector_env.satellite_index
@@ -180,7 +180,7 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
         return result
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go back to a `state`."""
+        """Return to a `state`."""
         super().restore(state)
         self._observations = state["observations"].copy()
         self._rows = np.full(self.num_envs, -1)

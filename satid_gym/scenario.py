@@ -1,4 +1,4 @@
-"""Scenarios: in what world an episode takes place, and how the truth scatters about what is known."""
+"""Scenarios: the world of an episode, the scatter of the truth about what is known, and the prior that follows."""
 
 from __future__ import annotations
 
@@ -6,14 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from satid_gym.config import Config, check_number, unknown_name
+import numpy as np
+
+from satid_gym.config import Config, check_number
+from satid_gym.estimators.inertia import Parameters
+from satid_gym.estimators.momentum import MomentumEKFSettings
+from satid_gym.estimators.prior import GYRO_STD_MIN, FilterPrior
+from satid_gym.estimators.rate import RateEKFSettings
+from satid_gym.estimators.registry import estimator_settings
+from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
 
-_FILTERS = ("momentum", "adaptive", "rate")  # their settings are in satid_gym.estimators
-_MOST_SAMPLES = 100_000  # a decision
-_MOST_DECISIONS = 1_000_000_000  # an episode
+_SAMPLES_MAX = 100_000  # a decision
+_DECISIONS_MAX = 1_000_000_000  # an episode
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,7 +53,7 @@ class Scenario(Config):
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
-        estimator: the filter that is the scenario's default: its name, or a mapping with its settings.
+        estimator: the filter that is the scenario's default; its name or a mapping with its settings will do.
         faults: what can go wrong with sensors and wheels.
 
     Raises:
@@ -78,7 +85,7 @@ class Scenario(Config):
     random_attitude: bool = True
     rate_limit: float | None = None
     termination_factor: float = 3.0
-    estimator: str | Mapping[str, Any] = "adaptive"
+    estimator: EstimatorSettings = field(default_factory=lambda: estimator_settings("adaptive"))
     faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
@@ -94,9 +101,7 @@ class Scenario(Config):
         for name in ("gyro_noise_std", "tachometer_noise_std"):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name))
-        filter_name = self.estimator.get("name") if isinstance(self.estimator, Mapping) else self.estimator
-        if filter_name not in _FILTERS:
-            raise unknown_name("estimator", filter_name, _FILTERS)
+        object.__setattr__(self, "estimator", estimator_settings(self.estimator))
         if self.rate_limit is not None:
             check_number("rate_limit", self.rate_limit, strict=True)
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
@@ -109,8 +114,8 @@ class Scenario(Config):
                 raise ValueError(
                     f"{name} must be {kind.__name__} or a mapping of its settings, got {getattr(self, name)!r}"
                 )
-        _whole("decision_period / sample_period", self.decision_period / self.sample_period, _MOST_SAMPLES)
-        _whole("horizon / decision_period", self.horizon / self.decision_period, _MOST_DECISIONS)
+        _whole("decision_period / sample_period", self.decision_period / self.sample_period, _SAMPLES_MAX)
+        _whole("horizon / decision_period", self.horizon / self.decision_period, _DECISIONS_MAX)
         if self.faults.torque_delay[1] > self.samples:
             raise ValueError(
                 f"torque_delay must be at most a decision, {self.samples} samples, got {self.faults.torque_delay}"
@@ -172,12 +177,12 @@ SCENARIOS: dict[str, Scenario] = {
             gravity_gradient=False,
             random_attitude=False,
             rate_limit=0.5,
-            estimator="rate",
+            estimator=RateEKFSettings(),
         ),
         Scenario(
             name="faults",
             gyro_bias_walk=1e-6,
-            estimator={"name": "momentum", "gate": 1e-6},
+            estimator=MomentumEKFSettings(adaptive=True, gate=1e-6),
             faults=Faults(
                 gyro_dropout=0.5,
                 gyro_dropout_silent=0.5,
@@ -190,3 +195,42 @@ SCENARIOS: dict[str, Scenario] = {
         ),
     )
 }
+
+
+def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | None = None) -> FilterPrior:
+    """What is known of a satellite in a scenario: nominal values and data sheets.
+
+    Args:
+        satellite: nominal.
+        scenario: the world.
+        parameters: what is to be estimated; None: what the satellite and the scenario's `tilt_std` need.
+    """
+    if parameters is None and scenario.tilt_std > 0.0:
+        parameters = "full"
+    scale = scenario.prior_scale.get(satellite.name, scenario.prior_scale.get("*", 1.0))
+    operating = scenario.operate(satellite)
+    return FilterPrior(
+        wheels=operating.wheels,
+        inertia=scale * operating.inertia,
+        prior_std=scenario.prior_std,
+        product_std=scenario.product_std,
+        gyro_noise_std=max(operating.gyro_noise_std, GYRO_STD_MIN),
+        tachometer_noise_std=operating.tachometer_noise_std,
+        disturbance_std=operating.disturbance_std,
+        disturbance_walk=_disturbance_walk(operating, scenario),
+        parameters=parameters,
+    )
+
+
+def _disturbance_walk(satellite: Satellite, scenario: Scenario) -> float:
+    """Random walk that spreads as far as the known causes move the disturbance, N m per sqrt(s).
+
+    The orbit-periodic torque has rms slope n std / sqrt(2), held over the horizon; the gravity gradient, of
+    amplitude A = 3/2 n^2 (J_max - J_min), forgets itself within the time the body takes to turn by a radian at
+    its rate limit omega: A sqrt(2 omega).
+    """
+    n = scenario.orbit_rate
+    periodic = 0.5 * satellite.disturbance_std * n * np.sqrt(0.5 * scenario.horizon)
+    moments = np.linalg.eigvalsh(satellite.inertia)
+    gradient = 1.5 * n**2 * (moments[-1] - moments[0]) * np.sqrt(2.0 * satellite.rate_limit)
+    return float(np.hypot(periodic, gradient if scenario.gravity_gradient else 0.0))

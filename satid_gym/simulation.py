@@ -11,10 +11,10 @@ from satid_gym.config import check_number, check_whole, real_array
 from satid_gym.core import kernels
 from satid_gym.disturbance import Disturbance
 from satid_gym.laws import InertiaLaw
-from satid_gym.plant import new_plant
 from satid_gym.satellite import Satellite
+from satid_gym.templates import new_plant
 
-_LEAST_SUBSTEPS = 10
+_SUBSTEPS_MIN = 10
 _ANGLE = 0.01  # rad, that body and momentum may turn against each other in one step
 
 
@@ -103,7 +103,7 @@ def simulate(
     row["attitude"] = attitude / norm
     count, n = torque.shape
     if substeps is None:
-        substeps = max(_LEAST_SUBSTEPS, math.ceil(_fastest(row, torque, dt) * dt / _ANGLE))
+        substeps = max(_SUBSTEPS_MIN, math.ceil(_fastest(row, torque, dt) * dt / _ANGLE))
     out = Trajectory(
         time=dt * np.arange(count + 1),
         omega=np.empty((count + 1, 3)),
@@ -113,9 +113,8 @@ def simulate(
         torque=np.empty((count, n)),
         inertia=np.empty((count + 1, 3, 3)),
     )
-    kernels.simulate(
-        rows, torque, dt, substeps, out.momentum, out.omega, out.wheel_speed, out.attitude, out.inertia, out.torque
-    )
+    path = (out.momentum, out.omega, out.wheel_speed, out.attitude, out.inertia)
+    kernels.simulate(rows, torque, dt, substeps, path, out.torque)
     return out
 
 

@@ -1,11 +1,11 @@
-"""Satellites, scenarios and inertia laws of one's own, by a text: the path of a file, or `module:name`.
+"""Sources of user-defined satellites, scenarios and inertia laws: a file's path, `module:name` or JSON text.
 
     my.toml, my.json        settings by name, as `from_dict` takes them; reading one runs no code
     law.csv                 of an inertia law: columns time, factor, or time, xx, yy, zz[, xy, xz, yz]
-    mypackage.crafts:TILTED what a module has by that name; importing it runs the module's code
-    {"name": ...}           JSON itself, in which runs keep what they were started with
+    mypackage.crafts:TILTED an attribute of a module; importing it runs the module's code
+    {"name": ...}           JSON text, in which runs keep the settings they were started with
 
-A name that a file does not give is the file's own, without its ending.
+If a file gives no name, its own name without the ending is used.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 from satid_gym.config import Config, unknown_name
 from satid_gym.laws import TABLE
 
-OWN = "or the path of a .json or .toml file, or module:name"
+SOURCE_HINT = "or the path of a .json or .toml file, or module:name"
 _FILES = (".json", ".toml", ".csv")
 _IN_MODULE = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):([A-Za-z_]\w*)")
 _FACTOR = ("time", "factor")
@@ -36,22 +36,22 @@ T = TypeVar("T", bound=Config)
 
 
 def is_source(text: object) -> bool:
-    """Whether a text is a file's path, module:name or JSON, and no name of a catalogue."""
+    """Whether a text is a file's path, module:name or JSON, rather than a name in the catalogue."""
     return isinstance(text, str) and (
         text.startswith("{") or Path(text).suffix.lower() in _FILES or _IN_MODULE.fullmatch(text) is not None
     )
 
 
 def load(text: str, kind: type[T], build: Callable[[Mapping[str, Any]], T]) -> T:
-    """What a source holds.
+    """Settings object from a source.
 
     Args:
-        text: the source, see the module's text.
-        kind: what it is to be.
-        build: makes one of a mapping.
+        text: the source, see the module's docstring.
+        kind: expected class.
+        build: makes an object of that class from a mapping.
 
     Raises:
-        ValueError: there is no such file, module or name, or what it holds is not valid; the message names it.
+        ValueError: the file, module or name does not exist, or its content is not valid; the message names it.
     """
     inside = _IN_MODULE.fullmatch(text)
     try:
@@ -73,16 +73,16 @@ def load(text: str, kind: type[T], build: Callable[[Mapping[str, Any]], T]) -> T
 
 
 def unknown(kind: str, text: object, names: Any) -> ValueError:
-    """The error for what is neither a name nor a source."""
-    return ValueError(f"{unknown_name(kind, text, names)} {OWN[0].upper()}{OWN[1:]}.")
+    """Error for a text that is neither a known name nor a source."""
+    return ValueError(f"{unknown_name(kind, text, names)} {SOURCE_HINT[0].upper()}{SOURCE_HINT[1:]}.")
 
 
 def _imported(module: str, name: str) -> Any:
-    """An attribute of a module, which may lie in the current directory."""
+    """Attribute of a module, which may lie in the current directory."""
     here = os.getcwd()
     away = here not in sys.path and "" not in sys.path
     if away:
-        sys.path.append(here)  # last: it hides nothing
+        sys.path.append(here)  # last, so that it hides no installed module
     try:
         found = importlib.import_module(module)
     except ImportError as error:
@@ -97,7 +97,7 @@ def _imported(module: str, name: str) -> Any:
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets begin with a mark
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except FileNotFoundError as error:
         raise ValueError("there is no such file") from error
     except OSError as error:
@@ -127,7 +127,7 @@ def _toml(text: str) -> Mapping[str, Any]:
 
 
 def _table(text: str) -> Mapping[str, Any]:
-    """A table law of the rows of a CSV file, whose first line names the columns."""
+    """Settings of a table law from a CSV file whose first line names the columns."""
     rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
     head = tuple(rows[0]) if rows else ()
     if head not in (_FACTOR, _MOMENTS, _TENSOR):
@@ -146,7 +146,7 @@ def _numbers(row: list[str], head: tuple[str, ...], line: int) -> list[float]:
     try:
         return [float(cell) for cell in row]
     except ValueError as error:
-        raise ValueError(f"row {line} holds what is no number: {error}") from error
+        raise ValueError(f"row {line} has an entry that is not a number: {error}") from error
 
 
 def _tensor(entries: list[float]) -> list[list[float]]:

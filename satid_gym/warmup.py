@@ -1,4 +1,4 @@
-"""`python -m satid_gym.warmup`: compile the core now, so that the first step of a run does not wait for it."""
+"""Compilation of the core ahead of time, so that the first step of a run is fast: `python -m satid_gym.warmup`."""
 
 from __future__ import annotations
 

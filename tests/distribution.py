@@ -16,7 +16,7 @@ import venv
 import zipfile
 from pathlib import Path
 
-from baselines.ending import ended
+from baselines.command.cli import ended
 
 ROOT = Path(__file__).parent.parent
 USE = """

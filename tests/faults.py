@@ -25,7 +25,7 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from baselines.ending import ended, refusal
+from baselines.command.cli import ended, refusal
 from satid_gym.config import check_whole
 
 ROOT = Path(__file__).parent.parent

@@ -16,9 +16,9 @@ import tyro
 from scipy.stats import norm, skew
 from tqdm import tqdm
 
-from agents.statistics import pair, record
+from agents.benchmark.statistics import pair, record
 from baselines import make_baseline
-from baselines.ending import ended, refusal
+from baselines.command.cli import ended, refusal
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES

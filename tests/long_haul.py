@@ -21,8 +21,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended, refusal
-from baselines.provenance import command, revision, versions
+from baselines.command.cli import ended, refusal
+from baselines.command.provenance import command, revision, versions
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_whole
 from satid_gym.files import check_writable, write_json

@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 
 from baselines import BASELINES, build, make_baseline, tuned_entry
-from baselines.tune import FINER, Trial, attempt, best, grid
+from baselines.tuning.amplitudes import FINER, Trial, Tuning, attempt, best, grid, tunable
 from satid_gym import INERTIA_MODES, SATELLITES, SCENARIOS, SatInertiaIDVectorEnv
-from satid_gym.control.decoded_observation import Belief, Craft
+from satid_gym.control.decoded_observation import Belief, PlantConstants
+from satid_gym.control.planner import PLANNING_MARGIN
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.policies import registry
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
-from satid_gym.policies.registry import UNTUNED
 from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
 from satid_gym.policy import missions
 from satid_gym.problem import problem
-from satid_gym.profiles import PROFILES
+from satid_gym.profiles import PAPER_AMPLITUDES, PROFILES
 
 
 def mission(satellite="microsat", **settings):
@@ -96,7 +97,7 @@ def test_belief_in_physical_units_by_hand():
     observation[0, brief.layout["inertia"]] = [0.1, 0.0, 0.5, 0.05, 0.0, -0.1]
     observation[0, brief.layout["uncertainty"]] = [2.0, 1.0, 0.0, -1.0, -1.0, -1.0]
     observation[0, brief.layout["disturbance"]] = [1.0, -2.0, 0.0]
-    belief = Belief.read(observation, brief.layout, Craft.of([brief]))
+    belief = Belief.read(observation, brief.layout, PlantConstants.of([brief]))
     np.testing.assert_allclose(belief.omega, [[0.025, 0.0, -0.05]])
     np.testing.assert_allclose(belief.wheel_momentum, [[0.0046, 0.0, -0.0092]])
     yz = -0.1 * np.sqrt(0.26 * 0.16)
@@ -117,9 +118,9 @@ CALM = {
 
 @pytest.mark.parametrize("satellite", ["cubesat", "smallsat", "pyramid"])
 def test_rate_loop_reaches_its_command_where_nothing_disturbs_it(satellite, pyramid):
-    craft, parameters = (pyramid, "full") if satellite == "pyramid" else (satellite, "principal")
+    constants, parameters = (pyramid, "full") if satellite == "pyramid" else (satellite, "principal")
     estimator = {"name": "momentum", "parameters": parameters, "inertia_walk": 0.0}
-    env = SatInertiaIDVectorEnv(8, craft, "static", CALM, estimator)
+    env = SatInertiaIDVectorEnv(8, constants, "static", CALM, estimator)
     briefs = missions(env.problem)
     loop = RateLoop(briefs, margin=0.0)
     observation, _ = env.reset(seed=0)
@@ -222,10 +223,50 @@ def test_the_papers_amplitudes_are_not_tuned():
     assert len(grid("sine_3axis", SATELLITES["microsat"], "default")[0]) > 10
 
 
+def test_a_baseline_without_a_grid_is_refused_with_what_to_do(monkeypatch, tmp_path):
+    """Not tuned by the grid of another one."""
+    monkeypatch.setitem(BASELINES, "mine", registry.Baseline(make=ZeroPolicy))
+    for refused in (
+        lambda: grid("mine", SATELLITES["cubesat"], "default"),
+        Tuning(output=tmp_path / "tuned.json").check,
+    ):
+        with pytest.raises(
+            ValueError, match=r"'mine' has no grid .*: give its entry in .*BASELINES a grid.* or tuned="
+        ):
+            refused()
+    with pytest.raises(ValueError, match="'zero' has no settings to tune"):
+        grid("zero", SATELLITES["cubesat"], "default")
+    with pytest.raises(ValueError, match=r"unknown baseline 'sin'.*Did you mean 'sine'"):
+        grid("sin", SATELLITES["cubesat"], "default")
+
+
+def test_a_baseline_is_tuned_by_its_own_grid(monkeypatch):
+    entry = registry.Baseline(make=ZeroPolicy, grid=lambda satellite, scenario: [[{"gain": float(len(scenario))}]])
+    monkeypatch.setitem(BASELINES, "mine", entry)
+    assert grid("mine", SATELLITES["cubesat"], "tight") == [[{"gain": 5.0}]]
+    assert grid("mine", SATELLITES["cubesat"], SCENARIOS["default"]) == [[{"gain": 7.0}]]
+    assert "mine" in tunable()
+    for name in ("rate_square", "staggered_square", "mpc"):
+        build(name, grid(name, SATELLITES["cubesat"], "default")[0][0])  # takes the settings of its grid
+
+
+def test_planners_keep_their_margin_in_the_papers_scenario():
+    for name in registry.PLANNERS:
+        assert grid(name, SATELLITES["cubesat"], "paper") == [[{"margin": PLANNING_MARGIN}]]
+        assert len(grid(name, SATELLITES["cubesat"], "tight")[0]) > 3
+
+
+def test_the_papers_profiles_are_a_closed_set():
+    """A scripted signal of one's own is a baseline and none of the eight that claims are about."""
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        PROFILES["mine"] = PROFILES["sine"]
+    assert set(PROFILES) == set(PAPER_AMPLITUDES)
+    scripted = {name for name in BASELINES if make_baseline(name, "cubesat").kind == "scripted"}
+    assert scripted - set(PROFILES) == {"staggered_square", "open_loop_optimal"}
+
+
 def test_stored_settings_keep_the_rule():
-    for name in BASELINES:
-        if name in UNTUNED:
-            continue
+    for name in tunable():
         for scenario in SCENARIOS:
             for satellite in SATELLITES:
                 entry = tuned_entry(name, satellite, scenario)

@@ -12,16 +12,16 @@ from satid_gym.bounds import (
     Course,
     envelope_bound,
     episode_bounds,
-    ideal_error,
     population_bound,
     posterior_bound,
     rate_cap,
+    reference_limit,
     sample_information,
 )
-from satid_gym.estimators import MomentumEKFSettings, brief
-from satid_gym.estimators.reference_model import MomentumModel
+from satid_gym.estimators import MomentumEKFSettings
+from satid_gym.estimators.filterpy.model import MomentumModel
 from satid_gym.satellite import Satellite
-from satid_gym.scenario import Scenario
+from satid_gym.scenario import Scenario, prior_of
 
 DT = 0.1
 RATES = np.array([0.02, -0.03, 0.025])
@@ -57,9 +57,9 @@ def test_posterior_bound_is_the_information_recursion(skewed: Satellite, paramet
     inertia = np.linspace(1.0, 1.2, course.rate.shape[1])[None, :, None, None] * course.inertia
     free = course.momentum - course.wheel_speed @ (satellite.wheels.axes * satellite.wheels.inertia).T
     course = replace(course, inertia=inertia, rate=np.linalg.solve(inertia, free[..., None])[..., 0])
-    briefing = brief(satellite, Scenario())
+    prior = prior_of(satellite, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
-    model = MomentumModel(settings, briefing)
+    model = MomentumModel(settings, prior)
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: model.p]
     spin = course.wheel_speed[0] @ model.spin.T
 
@@ -67,10 +67,10 @@ def test_posterior_bound_is_the_information_recursion(skewed: Satellite, paramet
         theta = [course.inertia[0, k, i, j] for i, j in places]
         return np.concatenate([course.momentum[0, k], theta, course.torque[0, k]])
 
-    told = brief(satellite.replace(name="truth"), Scenario())
+    told = prior_of(satellite.replace(name="truth"), Scenario())
     assert np.array_equal(told.inertia, course.inertia[0, 0])  # prior mean is the truth, as the bound takes it
     covariance = model.start(course.rate[0, 0], course.wheel_speed[0, 0])[1]
-    out = posterior_bound(course, briefing, settings, DT)[0]
+    out = posterior_bound(course, prior, settings, DT)[0]
     information = np.linalg.inv(covariance)
     for k in range(1, len(out)):
         before, here = state(k - 1), state(k)
@@ -84,9 +84,9 @@ def test_posterior_bound_is_the_information_recursion(skewed: Satellite, paramet
 
 def test_information_of_a_sample_by_hand() -> None:
     satellite = SATELLITES["cubesat"]
-    briefing = brief(satellite, Scenario())
+    prior = prior_of(satellite, Scenario())
     inertia = np.diag([0.26, 0.26, 0.16])
-    found = sample_information(np.array([0.05, 0.05, 0.05]), inertia, briefing, 6)
+    found = sample_information(np.array([0.05, 0.05, 0.05]), inertia, prior, 6)
     # std of J omega about z: sqrt((1e-4 * 0.16)^2 + (1e-4 * 0.05)^2) = 1.676e-5; 0.05 over it, squared
     assert found[2] == pytest.approx(0.05**2 / (2.56e-10 + 2.5e-11), rel=1e-12)
     x = 0.05**2 / ((1e-4 * 0.26) ** 2 + 2.5e-11)
@@ -124,10 +124,10 @@ def varying(satellite: Satellite, episodes: int = 2) -> Course:
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 def test_sample_information_is_the_largest_inside_the_box(skewed: Satellite, parameters: str) -> None:
     """L_j^T W L_j is convex in omega, so the largest over the box |omega_i| <= cap_i is at one of its corners."""
-    briefing, cap = brief(skewed, Scenario()), np.array([0.03, 0.02, 0.01])
-    inertia, wheels = skewed.inertia, briefing.wheels
-    noise = briefing.gyro_noise_std**2 * inertia @ inertia
-    noise += (wheels.axes * (wheels.inertia * briefing.tachometer_noise_std) ** 2) @ wheels.axes.T
+    prior, cap = prior_of(skewed, Scenario()), np.array([0.03, 0.02, 0.01])
+    inertia, wheels = skewed.inertia, prior.wheels
+    noise = prior.gyro_noise_std**2 * inertia @ inertia
+    noise += (wheels.axes * (wheels.inertia * prior.tachometer_noise_std) ** 2) @ wheels.axes.T
     corners = cap * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
     p = 3 if parameters == "principal" else 6
     found = np.zeros((len(corners), p))
@@ -136,7 +136,7 @@ def test_sample_information_is_the_largest_inside_the_box(skewed: Satellite, par
         regressor = np.array([[x, 0, 0, y, z, 0], [0, y, 0, x, 0, z], [0, 0, z, 0, x, y]])[:, :p]
         found[c] = np.einsum("ij,ij->j", regressor, np.linalg.solve(noise, regressor))
     expected = found.max(axis=0)
-    np.testing.assert_allclose(sample_information(cap, inertia, briefing, p), expected, rtol=1e-10)
+    np.testing.assert_allclose(sample_information(cap, inertia, prior, p), expected, rtol=1e-10)
 
 
 def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
@@ -146,7 +146,7 @@ def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
     for scale in (1.0, 0.02):
         satellite = skewed.replace(wheels=wheels.replace(max_speed=scale * wheels.max_speed), rate_limit=0.02)
         stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed * scale)
-        loose = course.inertia - (wheels.axes * wheels.inertia) @ wheels.axes.T
+        J_free = course.inertia - (wheels.axes * wheels.inertia) @ wheels.axes.T
         cap = rate_cap(course, satellite, DT)
         for i in range(2):
             tau = np.linalg.norm(course.torque[i], axis=1).max()
@@ -154,8 +154,8 @@ def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
                 momentum = np.linalg.norm(course.momentum[i, 0]) + k * DT * tau
                 storage = np.abs(np.linalg.inv(course.inertia[i, k])) @ (momentum + stored)
                 push = np.abs(wheels.axes) @ wheels.max_torque + momentum * np.sqrt(3.0) * 0.02 + tau
-                reached = np.abs(loose[i, 0] @ course.rate[i, 0]) + k * DT * push
-                torque = np.abs(np.linalg.inv(loose[i, k])) @ reached
+                reached = np.abs(J_free[i, 0] @ course.rate[i, 0]) + k * DT * push
+                torque = np.abs(np.linalg.inv(J_free[i, k])) @ reached
                 candidates = np.array([np.full(3, 0.02), storage, torque])
                 limits |= set(candidates.argmin(axis=0).tolist())
                 np.testing.assert_allclose(cap[i, k], candidates.min(axis=0), rtol=1e-12)
@@ -165,14 +165,14 @@ def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
 @pytest.mark.parametrize(("parameters", "law_known"), [("principal", False), ("principal", True), ("full", False)])
 def test_envelope_bound_is_a_scalar_riccati_equation(skewed: Satellite, parameters: str, law_known: bool) -> None:
     """1/v' = 1 / (g^2 (v + walk)) + information, parameter by parameter."""
-    course, briefing = varying(skewed), brief(skewed, Scenario())
+    course, prior = varying(skewed), prior_of(skewed, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.01)
     p = 3 if parameters == "principal" else 6
-    information = sample_information(rate_cap(course, skewed, DT), course.inertia, briefing, p)
-    out = envelope_bound(course, skewed, briefing, settings, DT, law_known=law_known)
-    walk = (0.01 * briefing.theta_scale(parameters)) ** 2 * DT
+    information = sample_information(rate_cap(course, skewed, DT), course.inertia, prior, p)
+    out = envelope_bound(course, skewed, prior, settings, DT, law_known=law_known)
+    walk = (0.01 * prior.theta_scale(parameters)) ** 2 * DT
     for i in range(2):
-        precision = 1.0 / briefing.prior_theta_std(parameters) ** 2 + information[i, 0]
+        precision = 1.0 / prior.prior_theta_std(parameters) ** 2 + information[i, 0]
         np.testing.assert_allclose(out[i, 0], 1.0 / precision, rtol=1e-12)
         for k in range(1, 21):
             growth = course.inertia[i, k, 0, 0] / course.inertia[i, k - 1, 0, 0] if law_known else 1.0
@@ -189,30 +189,30 @@ def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
     zero = np.zeros_like(still.rate)
     inertia = np.broadcast_to(np.diag(np.diag(skewed.inertia)), (1, 21, 3, 3))
     grown = inertia * np.linspace(1.0, 2.0, 21)[None, :, None, None]
-    briefing = brief(skewed, Scenario()).replace(gyro_noise_std=1e3)
+    prior = prior_of(skewed, Scenario()).replace(gyro_noise_std=1e3)
     settings = MomentumEKFSettings(inertia_walk=0.0)
     course = Course(momentum=zero, rate=zero, wheel_speed=zero, inertia=grown, torque=zero)
-    known = posterior_bound(course, briefing, settings, DT, law_known=True)[0]
+    known = posterior_bound(course, prior, settings, DT, law_known=True)[0]
     np.testing.assert_allclose(known[-1], 4.0 * known[0], rtol=1e-9)
     np.testing.assert_allclose(known[10], 2.25 * known[0], rtol=1e-9)
-    unknown = posterior_bound(course, briefing, settings, DT)[0]
+    unknown = posterior_bound(course, prior, settings, DT)[0]
     np.testing.assert_allclose(unknown[-1], unknown[0], rtol=1e-9)
     deployed = inertia.copy()
     deployed[:, 10:, 0, 2] = deployed[:, 10:, 2, 0] = 0.5
     course = Course(momentum=zero, rate=zero, wheel_speed=zero, inertia=deployed, torque=zero)
     with pytest.raises(ValueError, match=r'factor on each parameter, and Jxz passes through zero.* "principal"'):
-        posterior_bound(course, briefing, settings, DT, law_known=True)
+        posterior_bound(course, prior, settings, DT, law_known=True)
 
 
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 def test_the_bound_is_taken_at_the_truth(skewed: Satellite, parameters: str) -> None:
     """What the filter was told of the mean does not matter, only how far it was told to trust it."""
-    course, briefing = varying(skewed), brief(skewed, Scenario())
+    course, prior = varying(skewed), prior_of(skewed, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.0)
-    other = briefing.replace(
-        inertia=1.25 * briefing.inertia, prior_std=briefing.prior_std / 1.25, product_std=briefing.product_std / 1.25
+    other = prior.replace(
+        inertia=1.25 * prior.inertia, prior_std=prior.prior_std / 1.25, product_std=prior.product_std / 1.25
     )
-    first, second = (posterior_bound(course, told, settings, DT) for told in (briefing, other))
+    first, second = (posterior_bound(course, told, settings, DT) for told in (prior, other))
     np.testing.assert_allclose(second, first, rtol=1e-9, atol=1e-12 * first.max())
 
 
@@ -236,19 +236,19 @@ def test_relative_bounds_by_hand() -> None:
 
 
 @pytest.mark.parametrize("parameters", ["principal", "full"])
-def test_ideal_error_is_that_of_a_scalar_filter(skewed: Satellite, parameters: str) -> None:
+def test_reference_limit_is_that_of_a_scalar_filter(skewed: Satellite, parameters: str) -> None:
     """Gain k of the filter's Riccati equation: lag' = (1 - k) (lag - change), noise' = (1 - k)^2 noise + k^2 R."""
-    course, briefing = varying(skewed), brief(skewed, Scenario())
+    course, prior = varying(skewed), prior_of(skewed, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.01)
     p = 3 if parameters == "principal" else 6
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][:p]
-    information = sample_information(rate_cap(course, skewed, DT), course.inertia, briefing, p)
-    out = ideal_error(course, skewed, briefing, settings, DT)
-    walk = (0.01 * briefing.theta_scale(parameters)) ** 2 * DT
+    information = sample_information(rate_cap(course, skewed, DT), course.inertia, prior, p)
+    out = reference_limit(course, skewed, prior, settings, DT)
+    walk = (0.01 * prior.theta_scale(parameters)) ** 2 * DT
     for i in range(2):
         theta = np.array([course.inertia[i, :, a, b] for a, b in places]).T
-        error = np.array([briefing.inertia[a, b] for a, b in places]) - theta[0]
-        variance, noise = briefing.prior_theta_std(parameters) ** 2, np.zeros(p)
+        error = np.array([prior.inertia[a, b] for a, b in places]) - theta[0]
+        variance, noise = prior.prior_theta_std(parameters) ** 2, np.zeros(p)
         for k in range(21):
             if k > 0:
                 variance, error = variance + walk, error - (theta[k] - theta[k - 1])
@@ -265,12 +265,12 @@ def test_ideal_error_is_that_of_a_scalar_filter(skewed: Satellite, parameters: s
 def test_envelope_bound_is_below_the_posterior_bound(parameters: str, walk: float) -> None:
     satellite = SATELLITES["microsat"]
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
-    briefing = brief(satellite, Scenario())
+    prior = prior_of(satellite, Scenario())
     for period, amplitude in ((4, 0.5), (8, 0.3), (12, 0.2)):
         course = fly(satellite, amplitude * square(satellite, 30, period))
         assert np.abs(course.rate).max() < satellite.rate_limit
-        posterior = posterior_bound(course, briefing, settings, DT)
-        least = envelope_bound(course, satellite, briefing, settings, DT)
+        posterior = posterior_bound(course, prior, settings, DT)
+        least = envelope_bound(course, satellite, prior, settings, DT)
         assert (np.diagonal(posterior, axis1=2, axis2=3) >= least * (1 - 1e-9)).all()
 
 
@@ -313,17 +313,17 @@ def swings(satellite: Satellite, commands: np.ndarray) -> Course:
 def test_no_excitation_that_search_finds_beats_the_envelope_bound(name: str, walk: float) -> None:
     """Cross-entropy search over rate plans of 30 s for the least final error of all."""
     satellite = SATELLITES[name]
-    briefing, settings = brief(satellite, Scenario()), MomentumEKFSettings(inertia_walk=walk)
+    prior, settings = prior_of(satellite, Scenario()), MomentumEKFSettings(inertia_walk=walk)
     rng = np.random.default_rng(1)
     mean, std, best = np.zeros((30, 3)), np.full((30, 3), 1.0), np.inf
     first = swings(satellite, mean[None])
-    least = population_bound(envelope_bound(first, satellite, briefing, settings, DT), first.inertia)[-1]
+    least = population_bound(envelope_bound(first, satellite, prior, settings, DT), first.inertia)[-1]
     for _ in range(20):
         plans = mean + std * rng.standard_normal((64, 30, 3))
         course = swings(satellite, plans)
         flown = np.isfinite(course.momentum).all((1, 2))
         assert flown.sum() > 12
-        covariance = posterior_bound(course, briefing, settings, DT)[:, -1]
+        covariance = posterior_bound(course, prior, settings, DT)[:, -1]
         error = np.where(flown, np.trace(covariance, axis1=1, axis2=2), np.inf) / np.linalg.norm(satellite.inertia) ** 2
         elite = plans[np.argsort(error)[:12]]
         mean, std = elite.mean(axis=0), elite.std(axis=0) + 0.05

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import combine, imitate
-from agents.settings import ImitationSettings
-from baselines.ending import RefusedError
+from agents.training import combine, imitation
+from agents.training.settings import ImitationSettings
+from baselines.command.cli import RefusedError
 from satid_gym.policies.learned import LearnedPolicy
 
 SMALL = ImitationSettings(
@@ -30,7 +30,7 @@ SMALL = ImitationSettings(
 
 def imitated(folder: Path, **changes: object) -> Path:
     settings = dataclasses.replace(SMALL, **changes)  # type: ignore[arg-type]
-    imitate.Imitation(settings, folder, resume=False, command="test").learn()
+    imitation.Imitation(settings, folder, resume=False, command="test").learn()
     return folder
 
 
@@ -43,7 +43,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def agreement(network, run: Path) -> float:
     """Share of a run's answers that the network gives."""
-    said = imitate.answers(run, SMALL.rounds)
+    said = imitation.answers(run, SMALL.rounds)
     return float(np.mean([np.mean((network(x) > 0.0) == (y > 0.0)) for x, y in said]))
 
 
@@ -62,8 +62,8 @@ def test_the_network_learns_from_every_run(runs, tmp_path, monkeypatch, capsys):
     first, second = (LearnedPolicy.load(run / "policy") for run in runs)
     assert agreement(policy.network, runs[1]) > agreement(first.network, runs[1]) + 0.02
     assert agreement(policy.network, runs[0]) > agreement(second.network, runs[0]) + 0.02
-    said = [piece for run in runs for piece in imitate.answers(run, SMALL.rounds)]
-    again = imitate.fit(said, SMALL, 8)
+    said = [piece for run in runs for piece in imitation.answers(run, SMALL.rounds)]
+    again = imitation.fit(said, SMALL, 8)
     np.testing.assert_array_equal(policy.network(said[0][0]), again(said[0][0]))
 
 

@@ -9,10 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from agents import compare, tables
-from agents.statistics import pair, record
-from baselines import provenance
-from baselines.ending import ended
+from agents.benchmark import compare, tables
+from agents.benchmark.statistics import pair, record
+from baselines.command import provenance
+from baselines.command.cli import ended
 from satid_gym import files
 
 EPISODES = 6

@@ -22,15 +22,14 @@ from satid_gym import (
     Scenario,
 )
 from satid_gym.estimators import (
-    AdaptiveEKFSettings,
     MomentumEKF,
     MomentumEKFSettings,
     RateEKF,
     RateEKFSettings,
-    brief,
     estimator_settings,
 )
 from satid_gym.problem import Problem, problem
+from satid_gym.scenario import prior_of
 
 WHEELS = ReactionWheels(inertia=2e-3, max_torque=0.1, max_speed=900.0)
 MOMENTS = (6.5, 6.0, 4.5)
@@ -59,7 +58,7 @@ REFUSED = {
     "tensor shape": (lambda: satellite((1.0, 1.0)), re.escape("must have shape (3,) or (3, 3), got (2,)")),
     "tensor nan": (lambda: satellite((1.0, np.nan, 1.0)), "inertia of test must be finite"),
     "tensor text": (lambda: satellite("heavy"), "inertia of test must be numeric, got 'heavy'"),
-    "less than its wheels": (lambda: satellite((1e-3, 1e-3, 1e-3)), "must exceed what its wheels carry"),
+    "less than its wheels": (lambda: satellite((1e-3, 1e-3, 1e-3)), "must exceed its rotors' inertia"),
     # wheels
     "two wheels": (lambda: wheels(axes=np.eye(3)[:, :2]), re.escape("shape (3, n) with n >= 3, got (3, 2)")),
     "rows for columns": (lambda: wheels(axes=np.eye(4, 3)), re.escape("shape (3, n) with n >= 3, got (4, 3)")),
@@ -134,7 +133,7 @@ REFUSED = {
         "unknown parameters of MomentumEKFSettings 'ful'.*mean 'full'?",
     ),
     "walk": (lambda: MomentumEKF(inertia_walk=-1.0), "inertia_walk must be finite and at least 0, got -1.0"),
-    "substeps": (lambda: MomentumEKF(substeps=0), "substeps must be a whole number of at least 1, got 0"),
+    "substeps": (lambda: MomentumEKF(substeps=0), "substeps must be an integer of at least 1, got 0"),
     "rate noise": (lambda: RateEKF(gyro_std=0.0), "gyro_std must be finite and more than 0, got 0.0"),
     "another filter's setting": (lambda: RateEKF(disturbance_walk=0.1), "unknown setting of RateEKFSettings"),
     # problem
@@ -152,14 +151,14 @@ REFUSED = {
         "unknown setting of Scenario 'horizn'.*'horizon'",
     ),
     "reward's setting": (lambda: problem(reward={"gain": 1.0}), "unknown setting of RewardSettings 'gain'"),
-    "no steps": (lambda: problem(max_episode_steps=0), "max_episode_steps must be a whole number of at least 1, got 0"),
-    "half a step": (lambda: problem(max_episode_steps=1.5), "max_episode_steps must be a whole number"),
+    "no steps": (lambda: problem(max_episode_steps=0), "max_episode_steps must be an integer of at least 1, got 0"),
+    "half a step": (lambda: problem(max_episode_steps=1.5), "max_episode_steps must be an integer"),
     "environment's satellite": (lambda: SatInertiaIDEnv("cubsat"), "Did you mean 'cubesat'?"),
     "vector's satellite": (lambda: SatInertiaIDVectorEnv(2, "cubsat"), "Did you mean 'cubesat'?"),
-    "no environment": (lambda: SatInertiaIDVectorEnv(0), "num_envs must be a whole number of at least 1, got 0"),
+    "no environment": (lambda: SatInertiaIDVectorEnv(0), "num_envs must be an integer of at least 1, got 0"),
     "no thread": (
         lambda: SatInertiaIDVectorEnv(2, num_threads=0),
-        "num_threads must be a whole number of at least 1, got 0",
+        "num_threads must be an integer of at least 1, got 0",
     ),
     "render": (lambda: SatInertiaIDEnv(render_mode="humn"), "unknown render mode 'humn'"),
     "vector's render": (lambda: SatInertiaIDVectorEnv(1, render_mode="human"), "unknown render mode"),
@@ -226,11 +225,12 @@ def test_scenarios():
     np.testing.assert_allclose(tight.operate(microsat).wheels.max_speed, 90.0)
     np.testing.assert_allclose(tight.operate(microsat).wheels.max_torque, 0.1)
     # the paper starts its filter at 0.80 of the CubeSat's true inertia and 0.85 of the others'
-    assert brief(SATELLITES["cubesat"], paper).inertia[0, 0] == pytest.approx(0.80 * 0.26)
-    assert brief(microsat, paper).inertia[0, 0] == pytest.approx(0.85 * 6.53)
+    assert prior_of(SATELLITES["cubesat"], paper).inertia[0, 0] == pytest.approx(0.80 * 0.26)
+    assert prior_of(microsat, paper).inertia[0, 0] == pytest.approx(0.85 * 6.53)
     assert problem(scenario="paper").estimator == RateEKFSettings(parameters="principal")
-    assert problem().estimator == problem(scenario="tight").estimator == AdaptiveEKFSettings(parameters="principal")
-    assert problem(scenario="faults").estimator == MomentumEKFSettings(parameters="principal", gate=1e-6)
+    default = MomentumEKFSettings(adaptive=True, parameters="principal")
+    assert problem().estimator == problem(scenario="tight").estimator == default
+    assert problem(scenario="faults").estimator == default.replace(gate=1e-6)
     assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
 
 

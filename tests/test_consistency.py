@@ -16,13 +16,14 @@ import scipy.stats
 from satid_gym import SATELLITES, SatInertiaIDEnv, SatInertiaIDVectorEnv, paper_law
 from satid_gym.core import kernels
 from satid_gym.core.observation import layout
-from satid_gym.core.records import report_dtype
+from satid_gym.core.records import Rows, log_dtype, report_dtype
 from satid_gym.estimators import MomentumEKF
-from satid_gym.estimators.belief import new_belief, new_work
-from satid_gym.estimators.settings import MomentumEKFSettings, brief
+from satid_gym.estimators.momentum import MomentumEKFSettings
+from satid_gym.estimators.records import new_belief, new_work
 from satid_gym.laws import INERTIA_MODES, PAPER_LAWS
 from satid_gym.metrics import final_error
-from satid_gym.problem import build_templates
+from satid_gym.scenario import prior_of
+from satid_gym.templates import build_templates
 
 EPISODES = 100
 PARTS = layout(3, 3)
@@ -36,7 +37,7 @@ pytestmark = pytest.mark.compiled  # hundreds of episodes
 def square_wave(observation: np.ndarray, step: int) -> np.ndarray:
     """Persistent excitation inside the envelope: rates follow square waves of 30 s, 10 s apart, at 0.8 of the limit."""
     target = 0.8 * np.where((step / 30.0 + np.arange(3) / 3.0) % 1.0 < 0.5, 1.0, -1.0)
-    wanted = (observation[:, PARTS["rate"]] - target) / observation[:, PARTS["authority"]]
+    wanted = (observation[:, PARTS["rate"]] - target) / observation[:, PARTS["control_authority"]]
     return np.clip(wanted, -1.0, 1.0).astype(np.float32)
 
 
@@ -180,7 +181,7 @@ def test_open_loop_excitation_is_consistent_too():
 
     def blind(observation, step):
         sign = np.where((step / 30.0 + np.arange(3) / 3.0) % 1.0 < 0.5, 1.0, -1.0)
-        return (0.04 / observation[:, PARTS["authority"]] * sign).astype(np.float32)
+        return (0.04 / observation[:, PARTS["control_authority"]] * sign).astype(np.float32)
 
     flights = fly(blind, "microsat", "random")
     assert 0.3 < flights.nees[flights.settled].mean() < 2.0
@@ -236,9 +237,9 @@ def test_an_axis_that_does_not_turn_is_not_learned():
 class Recorder(MomentumEKF):
     """The MomentumEKF, which keeps every reading it is given."""
 
-    def reset(self, briefing, gyro, wheel_speed):
+    def reset(self, prior, gyro, wheel_speed):
         self.readings = [(gyro, wheel_speed)]
-        super().reset(briefing, gyro, wheel_speed)
+        super().reset(prior, gyro, wheel_speed)
 
     def update(self, gyro, wheel_speed):
         self.readings.append((gyro, wheel_speed))
@@ -259,14 +260,21 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
         actions.append(square_wave(observation[None], step)[0])
 
     problem = env.problem
-    beliefs = new_belief(brief(problem.satellites[0], problem.scenario), MomentumEKFSettings())
-    work, tasks = new_work(beliefs), build_templates(problem).tasks
+    beliefs = new_belief(prior_of(problem.satellites[0], problem.scenario), MomentumEKFSettings())
+    work, tasks = new_work(beliefs), build_templates(problem).records.tasks
     # a truth of twice the inertia, upside down, under another law and at its own rate
-    other = build_templates(problem, inertia=2.0 * np.array([4.53, 5.96, 6.53])).plants
+    other = build_templates(problem, inertia=2.0 * np.array([4.53, 5.96, 6.53])).records.plants
     other["rate"], other["momentum"], other["law"] = 0.01, 0.3, 2
     other["law_time"], other["change"] = 100.0, np.diag([1.0, 2.0, 3.0])
-    reports, observed = np.zeros(1, report_dtype(3)), np.zeros_like(observation)
-    task, report = tasks[0], reports[0]
+    rows = Rows(
+        plants=other,
+        beliefs=beliefs,
+        tasks=tasks,
+        reports=np.zeros(1, report_dtype(3)),
+        observations=np.zeros((1, len(observation)), np.float32),
+        logs=np.zeros((1, 0), log_dtype(3, 3)),
+    )
+    task, report = rows.tasks[0], rows.reports[0]
 
     readings = iter(recorder.readings)
 
@@ -276,8 +284,8 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
         return gyro, speed
 
     kernels.start_filter(beliefs, work, *show())
-    kernels.look(other, beliefs, tasks, work, reports, observed)
-    np.testing.assert_allclose(observed, observations[0], rtol=0, atol=1e-9)
+    kernels.look(rows, work)
+    np.testing.assert_allclose(rows.observations[0], observations[0], rtol=0, atol=1e-9)
     for i, action in enumerate(actions[:-1]):
         task["command"], report["effort"] = action, np.mean(np.square(action, dtype=float))
         report["peak_rate"], report["information_gain"] = 0.0, 0.0
@@ -285,11 +293,11 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
             gyro, speed = show()
             report["peak_rate"] = np.maximum(report["peak_rate"], np.abs(gyro))
             kernels.predict_filter(beliefs, work, speed, 0.1)
-            before = kernels.spread(beliefs, work, 0)
+            before = kernels.uncertainty_nats(beliefs, work, 0)
             kernels.condition_filter(beliefs, work, gyro, speed)
-            report["information_gain"] += before - kernels.spread(beliefs, work, 0)
-        kernels.conclude(other, beliefs, tasks, work, reports, observed)
-        np.testing.assert_allclose(observed, observations[i + 1], rtol=0, atol=1e-9)
+            report["information_gain"] += before - kernels.uncertainty_nats(beliefs, work, 0)
+        kernels.conclude(rows, work)
+        np.testing.assert_allclose(rows.observations[0], observations[i + 1], rtol=0, atol=1e-9)
         assert report["reward"] == pytest.approx(rewards[i], abs=1e-9)
     assert report["relative_error"] > 0.3, "the truth beside it is another"
 

@@ -21,14 +21,15 @@ import tyro
 import baselines
 import satid_gym
 import satid_gym.estimators
-from agents import pages
-from agents.readme import ROOT
-from agents.settings import TrainSettings
+from agents.docs import tables
+from agents.docs.readme import ROOT
+from agents.training.settings import TrainSettings
 from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.interface import INFO_KEYS, RESET_OPTIONS
+from satid_gym.gym_api import INFO_KEYS, RESET_OPTIONS
 from satid_gym.problem import problem
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
+PAGES |= {f"notes/{path.name}": path.read_text() for path in sorted((ROOT / "docs" / "notes").glob("*.md"))}
 PAGES |= {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md", "docs/README.md")}
 
 
@@ -133,7 +134,8 @@ def has_options(module):
     spec = importlib.util.find_spec(module)
     if spec.submodule_search_locations:
         spec = importlib.util.find_spec(f"{module}.__main__")
-    return re.search(r"tyro\.cli\(|ArgumentParser\(|\.main\(", (ROOT / spec.origin).read_text()) is not None
+    text = (ROOT / spec.origin).read_text()
+    return re.search(r"tyro\.cli\(|ArgumentParser\(|\.main\(|import main$", text, flags=re.M) is not None
 
 
 def extras(requirement):
@@ -191,9 +193,9 @@ def test_a_wrong_option_would_be_noticed(monkeypatch):
 # tables
 
 
-@pytest.mark.parametrize("page", pages.PAGES)
+@pytest.mark.parametrize("page", tables.PAGES)
 def test_tables_are_those_of_the_code(page):
-    assert pages.written(page, PAGES[page]) == PAGES[page], "run python -m agents.pages"
+    assert tables.written(page, PAGES[page]) == PAGES[page], "run python -m agents.docs.tables"
 
 
 def table(page, heading):
@@ -240,30 +242,19 @@ def test_observation_table_is_the_layout(n, p, estimator, states, pyramid):
     assert list(places.items())[:-2] == list(problem(satellite, estimator=kind).layout.items())
 
 
-def test_docstring_has_the_same_observation_info_and_arguments():
-    said = inspect.getdoc(SatInertiaIDEnv)
-    observation = said.partition("## Observation space")[2].partition("## Reward")[0]
-    rows = re.findall(r"^\| (\w+) \| ([^|]+) \|", observation, flags=re.M)[1:]
-    assert rows == [(name, size) for name, size, _ in table("environment.md", "Observation")[1:]]
-    information = said.partition("## Information")[2].partition("## Arguments")[0]
-    keys = re.findall(r"^\| ([\w, ]+) \|", information, flags=re.M)[1:]
-    assert ", ".join(keys).split(", ") == list(INFO_KEYS)
-    arguments = said.partition("## Arguments")[2].partition("## Version")[0]
-    for name in (*inspect.signature(SatInertiaIDEnv).parameters, *RESET_OPTIONS):
-        assert name in arguments or name == "render_mode"
-
-
 def test_info_table_is_what_info_holds():
     _, info = SatInertiaIDEnv().reset(seed=0)
-    assert [row[0] for row in table("environment.md", "Info")[1:]] == list(INFO_KEYS) == list(info)
+    names = ", ".join(row[0] for row in table("environment.md", "Info")[1:])
+    assert names.split(", ") == list(INFO_KEYS) == list(info)
 
 
-def test_reward_table_has_the_defaults():
-    given = {row[1]: float(row[2]) for row in table("environment.md", "Reward")[1:]}
+def test_reward_of_the_docstring_has_the_defaults():
+    reward = inspect.getdoc(SatInertiaIDEnv).partition("## Reward")[2].partition("## Starting state")[0]
+    said = re.findall(r"^\| (\w+) \| ([\d.]+) \|", reward, flags=re.M)
+    names = {"gained": "gain_scale", "held": "held_scale", "excess": "envelope_weight"}
+    names |= {"saturated": "saturation_weight", "effort": "effort_weight"}
     defaults = RewardSettings().to_dict()
-    assert given == {name: defaults[name] for name in given}
-    assert set(defaults) - set(given) == {"criterion", "net", "envelope_margin"}
-    assert f"`envelope_margin` ({defaults['envelope_margin']})" in PAGES["environment.md"]
+    assert {names[term]: float(value) for term, value in said} == {name: defaults[name] for name in names.values()}
 
 
 def test_argument_tables_are_the_signatures():
@@ -273,6 +264,29 @@ def test_argument_tables_are_the_signatures():
     assert [name for name in rows if name not in ("argument", "option")] == [
         *single, *vector, *RESET_OPTIONS, "reset_mask"
     ]  # fmt: skip
+
+
+# places
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_a_page_names_exist(page):
+    named = re.findall(r"`((?:satid_gym|agents|baselines|tests|docs|examples)/[\w/.-]*)`", PAGES[page])
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_and_headings_that_a_page_links_to_exist(page):
+    here = ROOT / (page if page in ("README.md", "CONTRIBUTING.md", "docs/README.md") else f"docs/{page}")
+    for target in re.findall(r"\]\(([^)]+)\)", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.M)):
+        if target.startswith("http"):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (here.parent / path) if path else here
+        assert file.exists(), f"{page} links to {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(), flags=re.M)
+            assert anchor in {re.sub(r"[^\w -]", "", h.lower()).strip().replace(" ", "-") for h in headings}, target
 
 
 # the reference, and the site's own tools

@@ -1,4 +1,4 @@
-"""Efficiency: recordings are the benchmark's flights, the filter reaches its bound, nothing beats a ceiling."""
+"""Efficiency: recordings are the benchmark's flights, the filter reaches its bound, nothing beats the bound."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from baselines import build
-from baselines.ceiling import ceiling
-from baselines.efficiency import LAW_KNOWN, final, square_error, told_the_law
-from baselines.recording import record
-from baselines.timing import TimedPolicy
+from baselines.studies.efficiency import LAW_KNOWN, final, known_law_estimates, square_error
+from baselines.studies.performance_bound import performance_bound
+from baselines.studies.recording import record
+from baselines.studies.timing import TimedPolicy
 from satid_gym import SATELLITES
-from satid_gym.bounds import episode_bounds, ideal_error, posterior_bound
-from satid_gym.estimators import MomentumEKFSettings, brief
+from satid_gym.bounds import episode_bounds, posterior_bound, reference_limit
+from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policy import Mission
+from satid_gym.scenario import prior_of
 
 SQUARE = {"period": 24.0, "margin": 2.5}
 
@@ -62,8 +63,8 @@ def test_the_filter_reaches_its_bound_where_truth_is_its_model(walk: float) -> N
     chosen, settings = seeds("validation", 60), MomentumEKFSettings(inertia_walk=walk)
     cell = {"satellite": "microsat", "inertia": "static", "seeds": chosen, "estimator": settings}
     recording = record(build("rate_square", SQUARE), as_modelled=True, **cell)
-    briefing = brief(SATELLITES["microsat"], benchmark_scenario().replace(gravity_gradient=False, orbit_rate=0.0))
-    covariance = posterior_bound(recording.course, briefing, settings, recording.dt)
+    prior = prior_of(SATELLITES["microsat"], benchmark_scenario().replace(gravity_gradient=False, orbit_rate=0.0))
+    covariance = posterior_bound(recording.course, prior, settings, recording.dt)
     ratio = (
         square_error(recording.theta, recording).mean()
         / final(episode_bounds(covariance, recording.course.inertia)).mean()
@@ -78,7 +79,7 @@ def test_knowing_the_law_makes_every_mode_as_good_as_static() -> None:
     for mode in ("static", "drift", "periodic", "step"):
         cell = {"satellite": "cubesat", "inertia": mode, "seeds": seeds("validation", 12)}
         recording = record(build("rate_square", SQUARE), scenario=benchmark_scenario(), estimator="momentum", **cell)
-        told = told_the_law(recording, "cubesat", benchmark_scenario())
+        told = known_law_estimates(recording, "cubesat", benchmark_scenario())
         found[mode] = np.sqrt(square_error(told, recording).mean())
         assert found[mode] < 0.1 * np.sqrt(square_error(recording.theta, recording).mean())
     for mode in found:
@@ -88,8 +89,8 @@ def test_knowing_the_law_makes_every_mode_as_good_as_static() -> None:
 @pytest.mark.parametrize("mode", ["static", "step", "periodic"])
 def test_no_policy_beats_its_ceiling(mode: str) -> None:
     chosen, world = seeds("validation", 12), benchmark_scenario()
-    top = ceiling("smallsat", mode, chosen, world)
-    assert (top.bound[10:] < top.ideal[10:]).all()
+    top = performance_bound("smallsat", mode, chosen, world)
+    assert (top.bound[10:] < top.reference_limit[10:]).all()
     for name, settings in (("mpc", {}), ("rate_square", SQUARE)):
         flight = fly(build(name, settings), satellite="smallsat", inertia=mode, seeds=chosen, scenario=world)
         reached = top.efficiency(flight.error)
@@ -100,15 +101,15 @@ def test_no_policy_beats_its_ceiling(mode: str) -> None:
 
 def test_ceiling_is_for_the_momentum_filter() -> None:
     with pytest.raises(ValueError, match=r"bounds are for the MomentumEKF's model; scenario 'paper' has 'rate'"):
-        ceiling("cubesat", "static", [0, 1], benchmark_scenario("paper"))
+        performance_bound("cubesat", "static", [0, 1], benchmark_scenario("paper"))
 
 
-def test_the_ideal_of_a_filter_that_finds_steps_begins_anew_at_one() -> None:
+def test_the_reference_limit_of_a_filter_that_finds_steps_starts_again_at_one() -> None:
     """Before the step the same; a filter without walk then keeps its lag, one that finds the step loses it."""
     recording = record(build("zero", {}), satellite="microsat", inertia="step", seeds=[0], scenario="default")
-    satellite, briefing = SATELLITES["microsat"], brief(SATELLITES["microsat"], benchmark_scenario())
+    satellite, prior = SATELLITES["microsat"], prior_of(SATELLITES["microsat"], benchmark_scenario())
     blind, finding = (
-        ideal_error(recording.course, satellite, briefing, LAW_KNOWN, recording.dt, finds_steps=told)[0]
+        reference_limit(recording.course, satellite, prior, LAW_KNOWN, recording.dt, finds_steps=told)[0]
         for told in (False, True)
     )
     theta = recording.course.inertia[0].diagonal(axis1=1, axis2=2)
@@ -119,14 +120,14 @@ def test_the_ideal_of_a_filter_that_finds_steps_begins_anew_at_one() -> None:
     assert (finding[at + 1 :][-1] < 1e-4 * change).all()
 
 
-def test_ideal_error_of_a_static_inertia_by_hand() -> None:
+def test_reference_limit_of_a_static_inertia_by_hand() -> None:
     """Without a walk the filter weighs all readings alike: variance 1 / (sum of information), prior's pull aside."""
     recording = record(build("zero", {}), satellite="cubesat", inertia="static", seeds=[0], scenario="default")
-    satellite, briefing = SATELLITES["cubesat"], brief(SATELLITES["cubesat"], benchmark_scenario())
-    ideal = ideal_error(recording.course, satellite, briefing, LAW_KNOWN, recording.dt)[0, -1]
+    satellite, prior = SATELLITES["cubesat"], prior_of(SATELLITES["cubesat"], benchmark_scenario())
+    limit = reference_limit(recording.course, satellite, prior, LAW_KNOWN, recording.dt)[0, -1]
     moments = np.diagonal(recording.course.inertia[0, 0])
     least = ((1e-4 * moments) ** 2 + (1e-4 * 0.05) ** 2) / 0.05**2 / 3000.0
-    np.testing.assert_allclose(ideal, least, rtol=0.02)
+    np.testing.assert_allclose(limit, least, rtol=0.02)
 
 
 def test_a_timed_policy_decides_as_the_policy_does() -> None:

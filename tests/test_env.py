@@ -27,7 +27,7 @@ from satid_gym.estimators import (
     MomentumEKF,
     RateEKF,
 )
-from satid_gym.interface import INFO_KEYS
+from satid_gym.gym_api import INFO_KEYS
 from satid_gym.problem import problem
 
 
@@ -54,8 +54,7 @@ def assert_same_steps(one: list, other: list, tolerance: float = 0.0) -> None:
 
 def state_of(env: SatInertiaIDEnv) -> bytes:
     """Everything a step could change."""
-    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observation)
-    return b"".join(record.tobytes() for record in records)
+    return b"".join(part.tobytes() for part in env.fleet.rows)
 
 
 # Gymnasium
@@ -186,7 +185,7 @@ def test_terminated_beyond_three_times_the_rate_limit():
     terminated, peak = False, 0.0
     while not terminated:
         *_, terminated, truncated, info = env.step(np.array([1.0, 0.0, 0.0], np.float32))
-        peak = np.abs(env._plants["rate"][0]).max()
+        peak = np.abs(env.fleet.rows.plants["rate"][0]).max()
         assert terminated == (peak > 3.0 * 0.05)
         assert not truncated
     assert info["cost"] == 1.0
@@ -225,7 +224,7 @@ def test_relative_error_and_nees_by_their_definitions():
         error = np.linalg.norm(estimate - truth) / np.linalg.norm(truth)
         assert info["relative_error"] == pytest.approx(error, rel=1e-12)
         e = np.diag(estimate - truth)
-        covariance = env._foreign.estimator.covariance[3:6, 3:6]
+        covariance = env._plugin.estimator.covariance[3:6, 3:6]
     assert info["nees"] == pytest.approx(e @ np.linalg.solve(covariance, e) / 3.0, rel=1e-9)
 
 
@@ -233,7 +232,7 @@ def test_starting_state_follows_the_scenario():
     """2000 starts of the default scenario: true inertia, wheels, rates, laws and disturbance as specified."""
     env = SatInertiaIDVectorEnv(2000)
     _, info = env.reset(seed=0)
-    satellite, plants = env.problem.satellites[0], env._plants
+    satellite, plants = env.problem.satellites[0], env.fleet.rows.plants
     ratio = np.log(np.einsum("nii->ni", info["inertia_true"]) / np.diag(satellite.inertia))
     # an inertia that varies periodically starts anywhere within its few percent
     static = plants["law"] != 3
@@ -265,7 +264,7 @@ def test_starting_state_follows_the_scenario():
 def test_satellite_random_draws_all_three():
     env = SatInertiaIDVectorEnv(300, "random")
     env.reset(seed=0)
-    counts = np.bincount(env._tasks["template"], minlength=3)
+    counts = np.bincount(env.fleet.rows.tasks["template"], minlength=3)
     assert np.abs(counts - 100).max() < 5.0 * np.sqrt(300 * 2 / 9)
 
 
@@ -296,7 +295,7 @@ def test_an_action_does_not_change_the_noise_that_follows():
         env.reset(seed=0)
     fly(one, actions(10, seed=1))
     fly(other, actions(10, seed=2))
-    np.testing.assert_array_equal(one._plants["stream"], other._plants["stream"])
+    np.testing.assert_array_equal(one.fleet.rows.plants["stream"], other.fleet.rows.plants["stream"])
 
 
 @pytest.mark.parametrize(
@@ -424,7 +423,7 @@ def test_a_bad_seed_is_refused(seed, flying):
 def test_a_satellite_whose_draws_are_all_impossible_says_so():
     """No valid satellite comes to this: its template is spoiled by hand."""
     env = SatInertiaIDEnv(scenario={"inertia_std": 0.0})
-    env._templates.plants["inertia"] = np.diag([6.0, 6.0, 13.0])
+    env.fleet.templates.records.plants["inertia"] = np.diag([6.0, 6.0, 13.0])
     with pytest.raises(ValueError, match=r"no physical inertia tensor in 1000 draws: .* lower them or change"):
         env.reset(seed=0)
     with pytest.raises(gymnasium.error.ResetNeeded):
@@ -449,8 +448,8 @@ def test_draws_beside_the_impossible_are_drawn_again():
         (FilterpyRateEKF, "rate", {}),
         (MomentumEKF, "momentum", {"inertia_walk": 0.002, "substeps": 2}),
         (RateEKF, "rate", {"gyro_std": 1e-4}),
-        (FilterpyAdaptiveEKF, "adaptive", {"walk_drift": 1.0}),
-        (AdaptiveEKF, "adaptive", {"least_walk": 0.001, "substeps": 2}),
+        (FilterpyAdaptiveEKF, "adaptive", {"log_q_drift": 1.0}),
+        (AdaptiveEKF, "adaptive", {"inertia_walk_min": 0.001, "substeps": 2}),
     ],
 )
 @pytest.mark.parametrize("net", [False, True])
@@ -475,7 +474,7 @@ def test_a_plugged_in_filter_gives_what_the_compiled_one_gives(foreign, own, set
 
 @pytest.mark.parametrize("coordinates", ["adaptive", "momenta", None])
 def test_a_plugged_in_filter_in_unknown_coordinates_is_refused(coordinates):
-    estimator = MomentumEKF()
+    estimator = FilterpyMomentumEKF()
     estimator.coordinates = coordinates
     with pytest.raises(ValueError, match="unknown coordinates of the estimator"):
         SatInertiaIDEnv(estimator=estimator)
@@ -506,7 +505,7 @@ def test_pyramid_of_four_wheels_on_a_full_tensor(pyramid):
     observation, info = env.reset(seed=0)
     assert env.action_space.shape == (4,)
     assert observation.shape == (16 + 8 + 30,)
-    axes, authority = pyramid.wheels.axes, env.layout["authority"]
+    axes, authority = pyramid.wheels.axes, env.layout["control_authority"]
     assert np.abs(info["inertia_true"] - np.diag(np.diag(info["inertia_true"]))).max() > 0.1
     spread = np.linalg.pinv(axes)
     for step in range(150):
@@ -533,9 +532,9 @@ def test_environments_share_their_dtypes(estimator):
     """Numba would compare at length, in every call, a dtype that is only equal to one it has seen."""
     one, other = (SatInertiaIDEnv("cubesat", estimator=estimator) for _ in range(2))
     many = SatInertiaIDVectorEnv(2, satellite="random", estimator=estimator)
-    for name in ("_plants", "_beliefs", "_tasks", "_work", "_reports"):
-        assert getattr(one, name).dtype is getattr(other, name).dtype
-        if name != "_work":
-            assert getattr(one, name).dtype is getattr(many, name).dtype
+    assert one.fleet.work.dtype is other.fleet.work.dtype
+    for part in ("plants", "beliefs", "tasks", "reports"):
+        assert getattr(one.fleet.rows, part).dtype is getattr(other.fleet.rows, part).dtype
+        assert getattr(one.fleet.rows, part).dtype is getattr(many.fleet.rows, part).dtype
     for record in ("draws", "plants", "beliefs", "tasks"):
-        assert getattr(one._templates, record).dtype is getattr(many._templates, record).dtype
+        assert getattr(one.fleet.templates.records, record).dtype is getattr(many.fleet.templates.records, record).dtype

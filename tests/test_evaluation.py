@@ -283,8 +283,8 @@ def test_step_time_is_known_where_all_episodes_share_it(inertia, scenario, time)
 def test_a_mission_holds_what_is_known_before_the_flight():
     full = problem(["cubesat", "smallsat"], scenario="paper", estimator={"name": "rate", "parameters": "full"})
     cubesat, smallsat = missions(full)
-    np.testing.assert_allclose(np.diag(cubesat.prior_inertia), [0.208, 0.208, 0.128])  # 0.80 of nominal
-    np.testing.assert_allclose(np.diag(smallsat.prior_inertia), [9.01, 12.07, 13.005])  # 0.85 of nominal
+    np.testing.assert_allclose(np.diag(cubesat.prior.inertia), [0.208, 0.208, 0.128])  # 0.80 of nominal
+    np.testing.assert_allclose(np.diag(smallsat.prior.inertia), [9.01, 12.07, 13.005])  # 0.85 of nominal
     assert cubesat.satellite.rate_limit == 0.5
     assert cubesat.layout["inertia"].stop - cubesat.layout["inertia"].start == 6
     tight = missions(problem("cubesat", scenario="tight"))[0]

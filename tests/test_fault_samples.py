@@ -25,21 +25,22 @@ def quiet(**plant) -> SatInertiaIDEnv:
     env = SatInertiaIDEnv(scenario=scenario)
     env.reset(seed=0)
     for name, value in plant.items():
-        env._plants[name][0] = value
+        env.fleet.rows.plants[name][0] = value
     return env
 
 
 def sample(env: SatInertiaIDEnv, torque: np.ndarray = TORQUE):
     """The truth after the next tenth of a second, and names of the faults that acted in it."""
-    env._work["torque"][0] = torque
-    env._reports["faults"] = 0
-    kernels.sample(env._plants, env._tasks, env._work, env._reports)
-    return env._plants[0].copy(), [name for name, acted in zip(FAULTS, env._reports["faults"][0], strict=True) if acted]
+    env.fleet.work["torque"][0] = torque
+    env.fleet.rows.reports["faults"] = 0
+    kernels.sample(env.fleet.rows, env.fleet.work)
+    rows = env.fleet.rows
+    return rows.plants[0].copy(), [n for n, acted in zip(FAULTS, rows.reports["faults"][0], strict=True) if acted]
 
 
 @pytest.mark.parametrize("silent", [0, 1])
 def test_a_dropout_lasts_from_after_its_first_instant_to_its_last(silent):
-    env = quiet(dropout=[0.2, 0.4], dropout_silent=silent)
+    env = quiet(gyro_dropout=[0.2, 0.4], gyro_dropout_silent=silent)
     rows, acted = zip(*(sample(env) for _ in range(5)), strict=True)
     for row, dropped, names in zip(rows, (0, 0, 1, 1, 0), acted, strict=True):
         np.testing.assert_array_equal(row["gyro"], rows[1]["rate"] if dropped else row["rate"])
@@ -50,7 +51,7 @@ def test_a_dropout_lasts_from_after_its_first_instant_to_its_last(silent):
 
 @pytest.mark.parametrize("wheel", [0, 1])
 def test_a_stuck_tachometer_repeats_the_reading_before(wheel):
-    env = quiet(stuck=[0.2, 0.4], stuck_wheel=wheel)
+    env = quiet(tachometer_stuck=[0.2, 0.4], tachometer_stuck_wheel=wheel)
     rows, acted = zip(*(sample(env) for _ in range(5)), strict=True)
     for row, stuck, names in zip(rows, (0, 0, 1, 1, 0), acted, strict=True):
         expected = row["wheel_speed"].copy()
@@ -63,7 +64,7 @@ def test_a_stuck_tachometer_repeats_the_reading_before(wheel):
 
 @pytest.mark.parametrize("wheel", [0, 2])
 def test_a_weak_wheel_is_weak_from_its_moment_on(wheel):
-    env = quiet(weak_start=0.2, weak_wheel=wheel, torque_left=0.25)
+    env = quiet(wheel_loss_start=0.2, wheel_loss_wheel=wheel, wheel_loss_left=0.25)
     for begins in (0.0, 0.1, 0.2, 0.3):
         row, names = sample(env)
         expected = TORQUE.copy()
@@ -73,8 +74,14 @@ def test_a_weak_wheel_is_weak_from_its_moment_on(wheel):
         np.testing.assert_allclose(row["motor_torque"], expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("fault", [{"dropout": [0.0, 9.0]}, {"stuck": [0.0, 9.0], "stuck_wheel": 0},
-                                   {"weak_wheel": 0, "torque_left": 0.0}])  # fmt: skip
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"gyro_dropout": [0.0, 9.0]},
+        {"tachometer_stuck": [0.0, 9.0], "tachometer_stuck_wheel": 0},
+        {"wheel_loss_wheel": 0, "wheel_loss_left": 0.0},
+    ],
+)
 def test_nothing_acts_where_no_fault_can_happen(fault):
     row, names = sample(quiet(faulty=0, **fault))
     np.testing.assert_array_equal(row["gyro"], row["rate"])
@@ -86,8 +93,8 @@ def test_nothing_acts_where_no_fault_can_happen(fault):
 @pytest.mark.parametrize(("probability", "dropout"), [(0.5, [0.0, 0.0]), (0.0, [0.0, 0.0]), (1.0, [0.5, 1.5])])
 def test_outliers_draw_by_draw(probability, dropout):
     """Whether, how large, and where of +x +y +z -x -y -z, after what noise draws; nothing where it cannot be."""
-    env = quiet(outlier_probability=probability, outlier_size=[0.3, 0.7], dropout=dropout, dropout_silent=1)
-    stream = env._plants["stream"][0].copy()
+    env = quiet(gyro_outlier=probability, gyro_outlier_size=[0.3, 0.7], gyro_dropout=dropout, gyro_dropout_silent=1)
+    stream = env.fleet.rows.plants["stream"][0].copy()
     spikes = 0
     for i in range(30):
         row, names = sample(env)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baselines.faults import CASES, recovery, scores, worlds
+from baselines.studies.faults import CASES, recovery, scores, worlds
 from satid_gym.evaluation import Flight
 
 
@@ -89,9 +89,9 @@ def test_scores_by_window():
 
 def test_a_case_has_its_fault_alone_and_both_filters():
     for case, (faults, _) in CASES.items():
-        believing, gated = worlds(case).values()
-        assert believing.faults == gated.faults == faults
-        assert believing.to_dict()["estimator"] != gated.to_dict()["estimator"]
+        ungated, gated = worlds(case).values()
+        assert ungated.faults == gated.faults == faults
+        assert ungated.to_dict()["estimator"] != gated.to_dict()["estimator"]
     assert not worlds("none")["gated"].faults.possible
     assert worlds("gyro outliers")["gated"].faults.gyro_outlier > 0.0
     assert worlds("gyro outliers")["gated"].faults.tachometer_stuck == 0.0

@@ -11,7 +11,8 @@ import time
 
 import pytest
 
-from agents import readme, train
+from agents.docs import readme
+from agents.training import ppo
 from satid_gym.files import DamagedFileError, check_writable, read_json, write_bytes
 from tests.faults import (
     PROMPT,
@@ -33,7 +34,7 @@ SHORT = Faults(steps=24_000, every=3_200)
 def refused(arguments, capsys):
     """The one line that a training ends with at once."""
     with pytest.raises(SystemExit) as end:
-        train.main(arguments)
+        ppo.main(arguments)
     assert end.value.code != 0
     line = end.value.code if isinstance(end.value.code, str) else capsys.readouterr().err.strip()
     assert "\n" not in line
@@ -138,7 +139,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
     write_bytes(path, b"old")
     code = f"""
 from pathlib import Path
-from baselines.ending import ended
+from baselines.command.cli import ended
 from satid_gym.files import write_bytes
 raise SystemExit(ended(lambda: write_bytes(Path({str(path)!r}), b"new" * 1000)))
 """

@@ -11,7 +11,7 @@ from satid_gym import SATELLITES, Disturbance, InertiaLaw, ReactionWheels, Satel
 from satid_gym.core import kernels
 from satid_gym.estimators import (
     AdaptiveEKF,
-    Briefing,
+    FilterPrior,
     FilterpyAdaptiveEKF,
     FilterpyMomentumEKF,
     FilterpyMomentumUKF,
@@ -19,12 +19,11 @@ from satid_gym.estimators import (
     MomentumEKF,
     MomentumEKFSettings,
     RateEKF,
-    brief,
 )
-from satid_gym.estimators.reference_model import MomentumModel
-from satid_gym.estimators.settings import inertia_parameters
+from satid_gym.estimators.filterpy.model import MomentumModel
+from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario import SCENARIOS, prior_of
 
 DT = 0.1
 LAWS = {
@@ -37,12 +36,12 @@ LAWS = {
 
 @dataclass
 class Readings:
-    """Gyro (N, 3) and tachometers (N, n) of a noisy flight whose true inertia is off the briefing's."""
+    """Gyro (N, 3) and tachometers (N, n) of a noisy flight whose true inertia is off the prior's."""
 
     gyro: np.ndarray
     wheel_speed: np.ndarray
     inertia: np.ndarray
-    briefing: Briefing
+    prior: FilterPrior
 
 
 def fly(satellite: Satellite, mode: str, seconds: int = 300, seed: int = 0, true_scale: float = 1.1) -> Readings:
@@ -68,13 +67,13 @@ def fly(satellite: Satellite, mode: str, seconds: int = 300, seed: int = 0, true
         gyro=flight.omega + satellite.gyro_noise_std * rng.normal(size=flight.omega.shape),
         wheel_speed=flight.wheel_speed + satellite.tachometer_noise_std * rng.normal(size=flight.wheel_speed.shape),
         inertia=flight.inertia,
-        briefing=brief(satellite, SCENARIOS["default"]),
+        prior=prior_of(satellite, SCENARIOS["default"]),
     )
 
 
 def run_slowly(estimator, readings: Readings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean, covariance and nis of every reading, through the estimators' protocol."""
-    estimator.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    estimator.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
     mean, covariance, nis = [estimator.mean], [estimator.covariance], [0.0]
     for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
         estimator.predict(speed, DT)
@@ -105,7 +104,7 @@ def test_equals_the_kalman_filter_where_the_dynamics_are_linear():
     """
     c, sigma, walk, std = 6.0, 5e-5, 0.02, 5e-5
     wheels = ReactionWheels(inertia=2e-3, max_torque=0.1, max_speed=900.0)
-    briefing = Briefing(
+    prior = FilterPrior(
         wheels=wheels,
         inertia=c * np.eye(3),
         prior_std=0.0,
@@ -118,7 +117,7 @@ def test_equals_the_kalman_filter_where_the_dynamics_are_linear():
     count = 600
     speed = 100.0 * np.array([1.0, -1.0, 0.5]) + np.cumsum(rng.normal(size=(count, 3)), axis=0)
     gyro = 0.02 * np.sin(np.arange(count)[:, None] / 50.0 + np.arange(3)) + sigma * rng.normal(size=(count, 3))
-    run = MomentumEKF(inertia_walk=0.0, disturbance_walk=walk).run(briefing, gyro, speed, DT)
+    run = MomentumEKF(inertia_walk=0.0, disturbance_walk=walk).run(prior, gyro, speed, DT)
 
     def slope(a):
         """(6, 6) matrix of d(M, tau)/dt."""
@@ -158,7 +157,7 @@ def test_one_axis_is_linear_regression():
     sigma J / (omega sqrt(N)), up to the prior.
     """
     sigma, inertia, omega, count = 5e-5, 6.0, 0.02, 200
-    briefing = Briefing(
+    prior = FilterPrior(
         wheels=ReactionWheels(inertia=2e-3, max_torque=0.1, max_speed=900.0),
         inertia=6.3 * np.eye(3),
         prior_std=0.1,
@@ -170,8 +169,8 @@ def test_one_axis_is_linear_regression():
     rng = np.random.default_rng(3)
     # at rest with known momentum zero, then the wheel takes -J omega and stays
     ekf = MomentumEKF(inertia_walk=0.0, disturbance_walk=0.0)
-    ekf.reset(briefing, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    ekf._rows["covariance"][0, :3, :] = ekf._rows["covariance"][0, :, :3] = 0.0
+    ekf.reset(prior, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    ekf.records["covariance"][0, :3, :] = ekf.records["covariance"][0, :, :3] = 0.0
     speed = np.array([-inertia * omega / 2e-3, 0.0, 0.0])
     readings = omega + sigma * rng.normal(size=count)
     for z in readings:
@@ -222,8 +221,8 @@ def states():
 @pytest.mark.parametrize("shape", ["principal", "full", "pyramid"])
 def test_jacobians_of_the_momentum_model(shape, states):
     satellite, parameters, gyro, before, after = states[shape]
-    briefing = brief(satellite, SCENARIOS["default"])
-    model = MomentumModel(MomentumEKFSettings(parameters=parameters), briefing)
+    prior = prior_of(satellite, SCENARIOS["default"])
+    model = MomentumModel(MomentumEKFSettings(parameters=parameters), prior)
     x, _ = model.start(gyro, before)
     x[-3:] = 3e-5, -2e-5, 1e-5
     a0, a1 = model.spin @ before, model.spin @ after
@@ -240,7 +239,7 @@ def test_jacobians_of_the_momentum_model(shape, states):
 def test_jacobian_of_the_rate_model(shape, states):
     satellite, parameters, gyro, before, after = states[shape]
     ekf = FilterpyRateEKF(parameters=parameters)
-    ekf.reset(brief(satellite, SCENARIOS["default"]), gyro, before)
+    ekf.reset(prior_of(satellite, SCENARIOS["default"]), gyro, before)
     x, acceleration = ekf.mean, (after - before) / DT
     steps = np.concatenate([np.full(3, 1e-4), np.full(ekf.p, 1e-4), np.full(ekf.n, 1e-1)])
     expected = central_differences(lambda v: ekf._slope(v, acceleration), x, steps)
@@ -253,13 +252,13 @@ def test_transition_of_the_compiled_filter(new, shape, states):
     """One compiled prediction from states moved to both sides; the rest of the transition is identity."""
     satellite, parameters, gyro, before, after = states[shape]
     ekf = new(parameters=parameters)
-    ekf.reset(brief(satellite, SCENARIOS["default"]), gyro, before)
-    start = ekf._rows.copy()
+    ekf.reset(prior_of(satellite, SCENARIOS["default"]), gyro, before)
+    start = ekf.records.copy()
     x = ekf.mean
 
     def predicted(mean):
-        ekf._rows[:] = start
-        ekf._rows["mean"][0] = mean
+        ekf.records[:] = start
+        ekf.records["mean"][0] = mean
         ekf.predict(after, DT)
         return ekf.mean
 
@@ -271,7 +270,7 @@ def test_transition_of_the_compiled_filter(new, shape, states):
         steps[3 + p :] = 1e-3
     expected = central_differences(predicted, x, steps)
     predicted(x)
-    np.testing.assert_allclose(ekf._work["transition"][0, :3, :size], expected[:3], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(ekf.work["transition"][0, :3, :size], expected[:3], rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(expected[3:], np.eye(size)[3:], rtol=0, atol=1e-8)
 
 
@@ -279,13 +278,13 @@ def test_transition_of_the_compiled_filter(new, shape, states):
 def test_first_covariance_is_that_of_samples(parameters, states):
     """M0 = J omega + a of samples from the prior and the sensors has the mean and covariance the filter starts with."""
     satellite, _, gyro, speed, _ = states["full"]
-    briefing = brief(satellite, SCENARIOS["default"]).replace(gyro_noise_std=2e-3, tachometer_noise_std=20.0)
+    prior = prior_of(satellite, SCENARIOS["default"]).replace(gyro_noise_std=2e-3, tachometer_noise_std=20.0)
     ekf = MomentumEKF(parameters=parameters)
-    ekf.reset(briefing, gyro, speed)
+    ekf.reset(prior, gyro, speed)
     rng = np.random.default_rng(0)
     count, p = 200_000, 3 if parameters == "principal" else 6
-    theta = inertia_parameters(briefing.inertia, parameters)
-    drawn = theta + briefing.prior_theta_std(parameters) * rng.normal(size=(count, p))
+    theta = inertia_parameters(prior.inertia, parameters)
+    drawn = theta + prior.prior_theta_std(parameters) * rng.normal(size=(count, p))
     tensors = np.zeros((count, 3, 3))
     for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))[:p]):
         tensors[:, i, j] = tensors[:, j, i] = drawn[:, k]
@@ -293,7 +292,7 @@ def test_first_covariance_is_that_of_samples(parameters, states):
     # the filter is linear in noise: J_prior times gyro noise, without the product of two errors
     omega_noise = 2e-3 * rng.normal(size=(count, 3))
     spin_noise = 20.0 * rng.normal(size=(count, 3))
-    wheels = briefing.wheels
+    wheels = prior.wheels
     momentum = tensors @ gyro + omega_noise @ mean_tensor + (speed + spin_noise) * wheels.inertia
     sampled = np.cov(np.hstack([momentum, drawn]).T)
     keep = slice(0, 3 + p)
@@ -314,9 +313,9 @@ def test_first_covariance_is_that_of_samples(parameters, states):
 @pytest.mark.compiled
 def test_compiled_equals_filterpy_over_an_episode(fast, slow, mode, microsat):
     readings = fly(microsat, mode)
-    run = fast().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = fast().run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     assert len(run.mean) == 3001
-    assert run.guarded == 0
+    assert run.constrained_updates == 0
     assert_equal_filters(run, run_slowly(slow(), readings))
 
 
@@ -332,7 +331,7 @@ def test_compiled_equals_filterpy_over_an_episode(fast, slow, mode, microsat):
 @pytest.mark.compiled
 def test_compiled_equals_filterpy_on_the_full_tensor(name, fast, slow, request):
     readings = fly(request.getfixturevalue(name), "drift")
-    run = fast(parameters="full").run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = fast(parameters="full").run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     assert run.inertia.shape == (3001, 6)
     assert_equal_filters(run, run_slowly(slow(parameters="full"), readings))
 
@@ -341,14 +340,14 @@ def test_compiled_equals_filterpy_on_the_full_tensor(name, fast, slow, request):
 def test_compiled_equals_filterpy_with_substeps(microsat):
     readings = fly(microsat, "static", seconds=60)
     settings = {"substeps": 3, "inertia_walk": 0.01}
-    run = MomentumEKF(**settings).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = MomentumEKF(**settings).run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     assert_equal_filters(run, run_slowly(FilterpyMomentumEKF(**settings), readings))
 
 
 @pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 def test_run_equals_reading_by_reading(new, microsat):
     readings = fly(microsat, "periodic", seconds=30)
-    run = new().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = new().run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     mean, covariance, nis = run_slowly(new(), readings)
     np.testing.assert_array_equal(run.mean, mean)
     np.testing.assert_array_equal(run.covariance, covariance)
@@ -359,7 +358,7 @@ def test_run_equals_reading_by_reading(new, microsat):
 def test_unscented_filter_agrees_once_converged(microsat):
     """What linearisation costs: a few percent of a standard deviation."""
     readings = fly(microsat, "static", seconds=180)
-    run = MomentumEKF().run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = MomentumEKF().run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     mean, covariance, _ = run_slowly(FilterpyMomentumUKF(), readings)
     late = slice(1000, None)
     std = np.sqrt(np.einsum("tii->ti", run.covariance[late]))
@@ -371,7 +370,7 @@ def test_unscented_filter_agrees_once_converged(microsat):
 def test_estimate_converges_to_the_truth(skewed):
     """All six parameters, within five of their standard deviations and to half a percent of the tensor."""
     readings = fly(skewed, "static")
-    run = MomentumEKF(parameters="full").run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = MomentumEKF(parameters="full").run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     truth = inertia_parameters(readings.inertia[-1], "full")
     std = np.sqrt(np.diag(run.inertia_covariance[-1]))
     assert (np.abs(run.inertia[-1] - truth) < 5.0 * std).all()
@@ -382,7 +381,7 @@ def test_estimate_converges_to_the_truth(skewed):
 
 
 ROUGH = {
-    # briefing of a satellite whose every sensor is bad, so that all noises count
+    # prior of a satellite whose every sensor is bad, so that all noises count
     "gyro_noise_std": 2e-3,
     "tachometer_noise_std": 2.0,
     "disturbance_std": 1e-2,
@@ -402,7 +401,7 @@ def random_belief(fast, slow, rng: np.random.Generator, spread: float, theta: np
     mean = fast.mean
     mean[3 : 3 + p] = theta
     mean[3 + p :] += scale[3:] * rng.normal(size=len(scale) - 3)
-    fast._rows["mean"][0], fast._rows["covariance"][0] = mean, covariance
+    fast.records["mean"][0], fast.records["covariance"][0] = mean, covariance
     slow.filter.x, slow.filter.P = mean.copy(), covariance.copy()
 
 
@@ -419,9 +418,9 @@ def assert_same_belief(fast, slow, tolerance: float = 1e-10) -> None:
 def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, spread, request):
     """Coarse and fair beliefs are iterated, fine ones not; rates on both sides of what passes for noise."""
     satellite = request.getfixturevalue(name)
-    briefing = brief(satellite, SCENARIOS["default"]).replace(**ROUGH)
+    prior = prior_of(satellite, SCENARIOS["default"]).replace(**ROUGH)
     if name == "slender":
-        briefing = briefing.replace(gyro_noise_std=2e-4)
+        prior = prior.replace(gyro_noise_std=2e-4)
     rng = np.random.default_rng(int(1000 * spread) + substeps)
     settings = {"parameters": parameters, "substeps": substeps, "inertia_walk": 0.05}
     fast, slow = MomentumEKF(**settings), FilterpyMomentumEKF(**settings)
@@ -430,7 +429,7 @@ def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, 
     for rates in ((0.3, -0.4, 0.2), (4.5e-3, -1.5e-3, 2.5e-3), (2.5e-3, 4.5e-3, -6e-3), (1e-3, 2e-3, -2e-3)):
         speed = 200.0 * rng.uniform(-1.0, 1.0, n)
         for filter in (fast, slow):
-            filter.reset(briefing, np.array(rates), speed)
+            filter.reset(prior, np.array(rates), speed)
         assert_same_belief(fast, slow)
         random_belief(fast, slow, rng, spread, theta, np.array([0.01] * 3 + [1e-3] * 3))
         after = speed + 2.0 * rng.normal(size=n)
@@ -440,13 +439,13 @@ def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, 
         gyro = np.array(rates) + 2e-3 * rng.normal(size=3)
         assert fast.update(gyro, after) == pytest.approx(slow.update(gyro, after), rel=1e-7)
         assert_same_belief(fast, slow, 1e-8)
-        assert fast.guarded == 0
+        assert fast.constrained_updates == 0
 
 
 @pytest.mark.parametrize(("name", "parameters"), SHAPES)
 def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
     satellite = request.getfixturevalue(name)
-    briefing = brief(satellite, SCENARIOS["default"])
+    prior = prior_of(satellite, SCENARIOS["default"])
     rng = np.random.default_rng(4)
     settings = {
         "parameters": parameters,
@@ -464,7 +463,7 @@ def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
     for _ in range(3):
         speed, gyro = 200.0 * rng.uniform(-1.0, 1.0, n), 0.3 * rng.normal(size=3)
         for filter in (fast, slow):
-            filter.reset(briefing, gyro, speed)
+            filter.reset(prior, gyro, speed)
         assert_same_belief(fast, slow)
         random_belief(fast, slow, rng, 0.05, theta, np.array([0.02] * 3 + [5.0] * n))
         after = speed + 5.0 * rng.normal(size=n)
@@ -491,14 +490,14 @@ def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parame
     """
     satellite = request.getfixturevalue(name)
     satellite = satellite.replace(inertia=np.diag(np.diag(satellite.inertia)))
-    briefing, n = brief(satellite, SCENARIOS["default"]), satellite.wheels.count
+    prior, n = prior_of(satellite, SCENARIOS["default"]), satellite.wheels.count
     fast, slow = RateEKF(parameters=parameters), FilterpyRateEKF(parameters=parameters)
     speed = np.full(n, 10.0)
     for filter in (fast, slow):
-        filter.reset(briefing, (0.0, 0.0, 0.0), speed)
+        filter.reset(prior, (0.0, 0.0, 0.0), speed)
     covariance = slow.filter.P
     covariance[0, 3] = covariance[3, 0] = 0.5 * np.sqrt(covariance[0, 0] * covariance[3, 3])
-    fast._rows["covariance"][0] = covariance
+    fast.records["covariance"][0] = covariance
     gain = covariance[3, 0] / (covariance[0, 0] + 1e-6)
     moment = satellite.inertia[0, 0]
     gyro = np.array([(left - 1.0) * moment / gain, 0.0, 0.0])
@@ -509,7 +508,7 @@ def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parame
     assert slow.mean[3] == pytest.approx(left * moment, rel=1e-9)
     np.testing.assert_allclose(fast.mean, before + fraction * (slow.mean - before), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(fast.covariance, slow.covariance, rtol=1e-9, atol=1e-15)
-    assert fast.guarded == (fraction < 1.0)
+    assert fast.constrained_updates == (fraction < 1.0)
 
 
 # What must never break
@@ -528,7 +527,7 @@ def test_covariance_stays_symmetric_and_positive_definite_over_1e5_steps(new, ca
         gyro = np.clip(np.cumsum(0.02 * rng.normal(size=(100_001, 3)), axis=0), -0.3, 0.3)
         speed = 900.0 * rng.uniform(-1.0, 1.0, (100_001, 3))
     ekf = new()
-    run = ekf.run(brief(microsat, SCENARIOS["default"]), gyro, speed, DT)
+    run = ekf.run(prior_of(microsat, SCENARIOS["default"]), gyro, speed, DT)
     assert np.isfinite(run.mean).all()
     std = np.sqrt(np.einsum("tii->ti", run.covariance))
     assert (std > 0.0).all()
@@ -537,49 +536,50 @@ def test_covariance_stays_symmetric_and_positive_definite_over_1e5_steps(new, ca
     np.linalg.cholesky(correlation)  # raises where one is not positive definite
     assert (run.inertia > 0.0).all()
     if calm:
-        assert run.guarded == 0
+        assert run.constrained_updates == 0
 
 
 def test_a_wild_reading_is_guarded_and_counted(microsat):
     """A reading that would make a moment negative moves the mean a part of the way, and says so."""
-    briefing = brief(microsat, SCENARIOS["default"])
+    prior = prior_of(microsat, SCENARIOS["default"])
     ekf = MomentumEKF()
-    ekf.reset(briefing, (0.02, 0.02, 0.02), (50.0, -50.0, 50.0))
-    assert ekf.guarded == 0
+    ekf.reset(prior, (0.02, 0.02, 0.02), (50.0, -50.0, 50.0))
+    assert ekf.constrained_updates == 0
     ekf.predict((-150.0, -250.0, -150.0), DT)
     ekf.update((30.0, -30.0, 30.0), (-150.0, -250.0, -150.0))
-    assert ekf.guarded == 1
-    assert (ekf.mean[3:6] > 0.05 * np.diag(briefing.inertia)).all()
+    assert ekf.constrained_updates == 1
+    assert (ekf.mean[3:6] > 0.05 * np.diag(prior.inertia)).all()
 
 
 @pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 def test_a_filter_started_again_forgets_everything(new, microsat):
     """The same rows started twice: nothing of the first flight is left, its count and its flag neither."""
-    briefing, first = brief(microsat, SCENARIOS["default"]), (np.array([0.01, -0.02, 0.03]), np.array([9.0, 8.0, 7.0]))
+    prior, first = prior_of(microsat, SCENARIOS["default"]), (np.array([0.01, -0.02, 0.03]), np.array([9.0, 8.0, 7.0]))
     ekf, fresh = new(), new()
     for filter in (ekf, fresh):
-        filter.reset(briefing, *first)
-    assert ekf._rows["broken"][0] == 0
-    names = ["mean", "covariance", "wheel_input", "guarded", "broken"]
+        filter.reset(prior, *first)
+    assert ekf.records["broken"][0] == 0
+    names = ["mean", "covariance", "wheel_input", "constrained_updates", "broken"]
     if new is AdaptiveEKF:
-        names += ["walk_parameter", "walk_parameter_variance", "theta_slope", "covariance_slope", "steps"]
+        for name in ("log_q", "log_q_variance", "theta_slope", "covariance_slope", "steps"):
+            ekf.records["adaptation"][name] = 7
     for name in names:
-        ekf._rows[name] = 7
-    kernels.start_filter(ekf._rows, ekf._work, *first)
-    assert ekf._rows.tobytes() == fresh._rows.tobytes()
+        ekf.records[name] = 7
+    kernels.start_filter(ekf.records, ekf.work, *first)
+    assert ekf.records.tobytes() == fresh.records.tobytes()
 
 
 def test_an_update_never_raises_and_a_prediction_never_lowers_uncertainty(microsat):
     readings = fly(microsat, "static", seconds=30)
     ekf = MomentumEKF()
-    ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    ekf.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
     for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
-        spread = kernels.spread(ekf._rows, ekf._work, 0)
+        spread = kernels.uncertainty_nats(ekf.records, ekf.work, 0)
         ekf.predict(speed, DT)
-        predicted = kernels.spread(ekf._rows, ekf._work, 0)
+        predicted = kernels.uncertainty_nats(ekf.records, ekf.work, 0)
         ekf.update(gyro, speed)
         assert predicted > spread
-        assert kernels.spread(ekf._rows, ekf._work, 0) <= predicted
+        assert kernels.uncertainty_nats(ekf.records, ekf.work, 0) <= predicted
 
 
 @pytest.mark.parametrize("parameters", ["principal", "full"])
@@ -588,9 +588,9 @@ def test_turning_wheels_about_changes_no_estimate(parameters, microsat):
     """Two wheels swapped, one axis reversed: the same flight, the same belief."""
     readings = fly(microsat, "static", seconds=60)
     order, sign = [2, 0, 1], np.array([1.0, -1.0, 1.0])
-    wheels = readings.briefing.wheels
-    turned = readings.briefing.replace(wheels=wheels.replace(axes=wheels.axes[:, order] * sign))
-    one = MomentumEKF(parameters=parameters).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    wheels = readings.prior.wheels
+    turned = readings.prior.replace(wheels=wheels.replace(axes=wheels.axes[:, order] * sign))
+    one = MomentumEKF(parameters=parameters).run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     other = MomentumEKF(parameters=parameters).run(turned, readings.gyro, readings.wheel_speed[:, order] * sign, DT)
     std = np.sqrt(np.einsum("tii->ti", one.covariance))
     assert (np.abs(one.mean - other.mean) / std).max() < 1e-6
@@ -613,22 +613,24 @@ def test_turning_wheels_about_changes_no_estimate(parameters, microsat):
 )
 def test_a_bad_reading_is_refused_and_leaves_the_belief_as_it_was(call, message, microsat):
     ekf = MomentumEKF()
-    ekf.reset(brief(microsat, SCENARIOS["default"]), (0.01, 0.0, 0.0), (10.0, 0.0, 0.0))
-    before = ekf._rows.tobytes()
+    ekf.reset(prior_of(microsat, SCENARIOS["default"]), (0.01, 0.0, 0.0), (10.0, 0.0, 0.0))
+    before = ekf.records.tobytes()
     with pytest.raises(ValueError, match=message):
         call(ekf)
-    assert ekf._rows.tobytes() == before
+    assert ekf.records.tobytes() == before
 
 
-@pytest.mark.parametrize("use", [lambda f: f.mean, lambda f: f.guarded, lambda f: f.predict((0.0,) * 3, DT)])
+@pytest.mark.parametrize(
+    "use", [lambda f: f.mean, lambda f: f.constrained_updates, lambda f: f.predict((0.0,) * 3, DT)]
+)
 def test_a_filter_without_belief_says_how_to_start_it(use):
-    with pytest.raises(RuntimeError, match=r"call reset\(briefing, gyro, wheel_speed\) first"):
+    with pytest.raises(RuntimeError, match=r"call reset\(prior, gyro, wheel_speed\) first"):
         use(MomentumEKF())
 
 
 def test_series_of_another_length_are_refused(microsat):
-    briefing = brief(microsat, SCENARIOS["default"])
+    prior = prior_of(microsat, SCENARIOS["default"])
     with pytest.raises(ValueError, match=r"wheel_speed must have shape \(5, 3\), got \(4, 3\)"):
-        MomentumEKF().run(briefing, np.zeros((5, 3)), np.zeros((4, 3)), DT)
+        MomentumEKF().run(prior, np.zeros((5, 3)), np.zeros((4, 3)), DT)
     with pytest.raises(ValueError, match=r"gyro must have shape \(N, 3\) with N >= 1"):
-        MomentumEKF().run(briefing, np.zeros((0, 3)), np.zeros((0, 3)), DT)
+        MomentumEKF().run(prior, np.zeros((0, 3)), np.zeros((0, 3)), DT)

@@ -81,11 +81,11 @@ def test_coarse_sampling_does_not_cost_the_truth_its_momentum():
     }  # fmt: skip
     env = SatInertiaIDEnv("smallsat", "static", quiet)
     env.reset(seed=0)
-    start = np.linalg.norm(env._plants["momentum"][0])
+    start = np.linalg.norm(env.fleet.rows.plants["momentum"][0])
     assert start > 0.1 * np.sum(SATELLITES["smallsat"].wheels.inertia * SATELLITES["smallsat"].wheels.max_speed)
     for decision in range(100):
         env.step(np.where((decision + np.arange(3)) % 2 == 0, 0.02, -0.02))
-    assert np.linalg.norm(env._plants["momentum"][0]) == pytest.approx(start, rel=1e-6)
+    assert np.linalg.norm(env.fleet.rows.plants["momentum"][0]) == pytest.approx(start, rel=1e-6)
 
 
 def test_read_only_and_strided_actions_do_not_compile_the_core_anew():

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import imitate
-from agents.settings import ImitationSettings
+from agents.training import imitation
+from agents.training.settings import ImitationSettings
 from satid_gym import SATELLITES
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies.learned import LearnedPolicy
@@ -32,7 +32,7 @@ SIZE = max(place.stop for place in LAYOUT.values())
 
 
 def run(folder: Path, *, resume: bool = False, settings: ImitationSettings = SMALL) -> None:
-    imitate.Imitation(settings, folder, resume=resume, command="test").learn()
+    imitation.Imitation(settings, folder, resume=resume, command="test").learn()
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_the_run_folder_tells_how_it_came_about(finished):
     policy = LearnedPolicy.load(finished / "policy")
     assert policy.include_covariance
     assert ImitationSettings.from_dict(policy.details["trained"]["settings"]) == SMALL
-    assert (finished / "curve.csv").read_text().splitlines()[0] == ",".join(imitate.CURVE_FIELDS)
+    assert (finished / "curve.csv").read_text().splitlines()[0] == ",".join(imitation.CURVE_FIELDS)
 
 
 def test_folders_in_use_or_without_a_run_are_refused(finished, tmp_path, capsys):
@@ -75,14 +75,14 @@ def test_folders_in_use_or_without_a_run_are_refused(finished, tmp_path, capsys)
         (["--run", str(finished), "--resume", "--rounds", "4"], "nothing else"),
     ):
         with pytest.raises(SystemExit) as end:
-            imitate.main(arguments)
+            imitation.main(arguments)
         assert words in str(end.value)
 
 
 def test_a_finished_run_is_left_as_it_is(finished, tmp_path, capsys):
     folder = shutil.copytree(finished, tmp_path / "copy")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    imitate.main(["--run", f"{folder}/", "--resume"])
+    imitation.main(["--run", f"{folder}/", "--resume"])
     assert "has had its 3 rounds already" in capsys.readouterr().out
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
@@ -94,10 +94,10 @@ def test_a_damaged_round_is_refused_and_without_it_the_run_goes_on(finished, tmp
     content[len(content) // 2] ^= 1
     damaged.write_bytes(content)
     with pytest.raises(SystemExit) as end:
-        imitate.main(["--run", str(folder), "--resume"])
+        imitation.main(["--run", str(folder), "--resume"])
     assert "round-01.npz is damaged" in str(end.value)
     damaged.unlink()  # the round after it is flown anew as well
-    imitate.main(["--run", str(folder), "--resume"])
+    imitation.main(["--run", str(folder), "--resume"])
     for name in ("policy.safetensors", "round-01.npz", "round-02.npz"):
         assert (folder / name).read_bytes() == (finished / name).read_bytes()
 
@@ -109,7 +109,7 @@ def test_the_teacher_says_what_it_flies(mode: str, walk: float) -> None:
     Few of its sides are worth less than their opposites: the search has not tried everything.
     """
     settings = ImitationSettings(episodes=2, inertia=mode)
-    observations, advantages = imitate.teach(None, SATELLITES["smallsat"], settings, 40)
+    observations, advantages = imitation.teach(None, SATELLITES["smallsat"], settings, 40)
 
     class Listening(MPCPolicy):
         include_covariance = True
@@ -135,7 +135,7 @@ def test_a_network_flies_what_the_teacher_does_not() -> None:
             return np.zeros((len(observation), 3))
 
     settings = ImitationSettings(episodes=8, edits=1, taught=0.4)
-    observations, advantages = imitate.teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
+    observations, advantages = imitation.teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
     rates = np.abs(observations.reshape(4, -1, 2, SIZE)[:, 50:, :, LAYOUT["rate"]]).mean(axis=(1, 3)).ravel()
     assert sorted(set(np.where(rates < 0.2, "network", np.where(rates > 0.6, "teacher", "neither")))) == [
         "network",
@@ -153,7 +153,7 @@ def test_a_network_learns_which_side_and_when_the_end_comes() -> None:
     ending = x[:, clock] < 8.5 / 300.0
     sides = np.stack([x[:, 0] + x[:, 3] > 0.0, ending, x[:, 5] - 2.0 * x[:, 9] > 0.5], axis=1)
     settings = ImitationSettings(hidden=(32, 32))
-    network = imitate.fit([(x, np.where(sides, 1.0, -1.0).astype(np.float32))], settings, 12)
+    network = imitation.fit([(x, np.where(sides, 1.0, -1.0).astype(np.float32))], settings, 12)
     agree = (network(x) > 0.0) == sides
     assert agree[:, 0].mean() > 0.98
     assert agree[:, 2].mean() > 0.9
@@ -168,7 +168,7 @@ def test_what_matters_outweighs_what_does_not() -> None:
     rng = np.random.default_rng(0)
     x = rng.standard_normal((30_000, SIZE)).astype(np.float32)
     worth = np.where(rng.random((len(x), 3)) < 0.25, 9.0, -1.0).astype(np.float32)  # mostly against, but not by worth
-    network = imitate.fit([(x, np.sign(x[:, :3]) * worth)], ImitationSettings(hidden=(16,)), 8)
+    network = imitation.fit([(x, np.sign(x[:, :3]) * worth)], ImitationSettings(hidden=(16,)), 8)
     clear = np.abs(x[:, :3]) > 0.3
     assert ((network(x) > 0.0) == (x[:, :3] > 0.0))[clear].mean() > 0.9
 
@@ -190,12 +190,12 @@ def test_what_was_learned_finds_the_inertia(tmp_path):
 
 def test_settings_are_checked() -> None:
     for changes, words in (
-        ({"rounds": 0}, "rounds must be a whole number of at least 1, got 0"),
+        ({"rounds": 0}, "rounds must be an integer of at least 1, got 0"),
         ({"taught": 1.5}, "taught must be finite and at least 0 and at most 1"),
         ({"satellite": "cube"}, "unknown satellite 'cube'"),
         ({"inertia": "stepp"}, "unknown inertia mode 'stepp'"),
         ({"scenario": "adaptive"}, "unknown scenario 'adaptive'"),
-        ({"episodes": 3}, "must be a whole number of at least 4, got 3"),
+        ({"episodes": 3}, "must be an integer of at least 4, got 3"),
         ({"walks": (0.001,)}, "walks must be 4 numbers, one for each of"),
         ({"walks": (0.001, 0.001, -0.001, 0.001)}, "walks must be finite and at least 0"),
     ):

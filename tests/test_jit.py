@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from satid_gym.core import kernels
-from satid_gym.core.jit import NamedByContent, inline, kernel, outline
+from satid_gym.core.jit import inline, kernel, outline
+from satid_gym.core.jit_cache import NamedByContent
 
 
 @inline
@@ -25,20 +26,16 @@ def doubled_sum(values):
     return total
 
 
-def _build_both(fingerprint):
-    def both(values):
-        fingerprint  # noqa: B018
-        return doubled_sum(values) + doubled(doubled_sum(values[1:]))
-
-    return both
+def both(values):
+    return doubled_sum(values) + doubled(doubled_sum(values[1:]))
 
 
 @pytest.mark.compiled
 def test_an_outlined_function_is_in_a_kernel_once_and_an_inlined_one_not_at_all():
-    both = kernel(_build_both)
-    both._cache.disable()  # what comes from the cache no longer names its functions
-    assert both(np.array([1.0, 2.0, 3.0])) == 32.0
-    (compiled,) = both.overloads.values()
+    compiled_both = kernel(both)
+    compiled_both._cache.disable()  # what comes from the cache no longer names its functions
+    assert compiled_both(np.array([1.0, 2.0, 3.0])) == 32.0
+    (compiled,) = compiled_both.overloads.values()
     names = [f.name for f in compiled.library.get_defined_functions()]
     assert [sum(part.__name__ + "B" in name for name in names) for part in (doubled, doubled_sum)] == [0, 1]
 
@@ -47,7 +44,7 @@ def test_python_may_call_a_part():
     for _ in range(2):  # before and after kernels have taken it in
         assert doubled(3.0) == 6.0
         assert doubled_sum(np.array([1.0, 2.0])) == 6.0
-        assert kernel(_build_both)(np.array([1.0, 2.0])) == 14.0
+        assert kernel(both)(np.array([1.0, 2.0])) == 14.0
 
 
 def test_processes_that_save_at_once_do_not_take_each_others_files(tmp_path):
@@ -71,7 +68,7 @@ LAWS = """
 import sys
 import numpy as np
 from satid_gym import InertiaLaw
-from satid_gym.plant import law_inertia
+from satid_gym.templates import law_inertia
 
 for knots in map(int, sys.argv[1:]):
     law = InertiaLaw("table", times=np.arange(knots), values=1.0 + np.arange(knots))

@@ -20,19 +20,13 @@ COMPILING = "satid-gym: compiling its core for this machine, about 20 s, once; p
 TINY = """
 from satid_gym.core.jit import kernel
 
-def _build(fingerprint):
-    def twice(x):
-        fingerprint
-        return 2.0 * x
-    return twice
+@kernel
+def twice(x):
+    return 2.0 * x
 
-def _build_other(fingerprint):
-    def thrice(x):
-        fingerprint
-        return 3.0 * x
-    return thrice
-
-twice, thrice = kernel(_build), kernel(_build_other)
+@kernel
+def thrice(x):
+    return 3.0 * x
 """
 CALL = "import tiny; assert (tiny.twice(3.0), tiny.thrice(3.0)) == (6.0, 9.0)"
 

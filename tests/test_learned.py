@@ -8,7 +8,7 @@ import onnx
 import pytest
 import torch
 
-from agents.export import TOLERANCE, export, torch_network
+from agents.training.onnx_export import TOLERANCE, export, torch_network
 from satid_gym import SATELLITES
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import fly, seeds

@@ -6,7 +6,14 @@ import scipy.optimize
 import scipy.stats
 
 from satid_gym import SATELLITES, SCENARIOS, simulate
-from satid_gym.estimators import brief, least_squares
+from satid_gym.estimators import least_squares
+from satid_gym.estimators.batch.second_moment import (
+    factor_jacobian,
+    from_factor,
+    is_physical,
+    nearest_physical,
+    to_factor,
+)
 from satid_gym.estimators.least_squares import (
     NotIdentifiedError,
     differentiated,
@@ -14,8 +21,8 @@ from satid_gym.estimators.least_squares import (
     momentum_form,
     output_error,
 )
-from satid_gym.estimators.second_moment import factor_jacobian, from_factor, is_physical, nearest_physical, to_factor
 from satid_gym.satellite import inertia_tensor
+from satid_gym.scenario import prior_of
 
 MOMENTUM_METHODS = [momentum_form, instrumental_variable, output_error]
 
@@ -39,7 +46,7 @@ def record(satellite, dt=0.1, duration=60.0, bias=0.1, **options):
 
 def known(satellite, gyro_noise_std=1e-8):
     """A first guess that is 15 % off, and sensors as good as said."""
-    guess = brief(satellite.replace(inertia=0.85 * satellite.inertia), SCENARIOS["default"])
+    guess = prior_of(satellite.replace(inertia=0.85 * satellite.inertia), SCENARIOS["default"])
     return guess.replace(gyro_noise_std=gyro_noise_std, tachometer_noise_std=0.0)
 
 
@@ -104,8 +111,8 @@ def test_huber_shrugs_off_outliers(microsat):
 def noisy_estimates(method, satellite, std, count, bias=0.1):
     gyro, speed, dt = record(satellite, dt=0.5, duration=150.0, bias=bias)
     rng = np.random.default_rng(1)
-    briefing = known(satellite, std)
-    fits = [method(briefing, gyro + std * rng.standard_normal(gyro.shape), speed, dt) for _ in range(count)]
+    prior = known(satellite, std)
+    fits = [method(prior, gyro + std * rng.standard_normal(gyro.shape), speed, dt) for _ in range(count)]
     return np.array([fit.theta for fit in fits]), np.array([fit.covariance for fit in fits]), gyro
 
 

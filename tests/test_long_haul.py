@@ -53,8 +53,8 @@ def test_a_stopped_run_resumes_with_the_same_result(whole, tmp_path, monkeypatch
 
 def test_what_is_not_finite_stops_the_run(tmp_path):
     run = haul(tmp_path)
-    run.env._plants["rate"][7] = np.nan
-    run.env._plants["momentum"][7] = np.nan
+    run.env.fleet.rows.plants["rate"][7] = np.nan
+    run.env.fleet.rows.plants["momentum"][7] = np.nan
     with pytest.raises(FloatingPointError):
         run.run()
 
@@ -66,7 +66,7 @@ def test_resume_needs_a_run_with_the_same_settings(tmp_path):
     kept._save()
     with pytest.raises(ValueError, match="of a run with other settings"):
         haul(tmp_path, resume=True, seed=1)
-    with pytest.raises(ValueError, match="decisions must be a whole number of at least 12800"):
+    with pytest.raises(ValueError, match="decisions must be an integer of at least 12800"):
         haul(tmp_path, decisions=100)
 
 

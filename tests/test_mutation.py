@@ -97,5 +97,5 @@ def test_a_sample_has_an_interval_and_a_census_none():
 def test_arguments_are_checked():
     with pytest.raises(ValueError, match=r"unknown module 'core/rewards'; .* Did you mean 'core/reward'\?"):
         MutationArguments(modules=("core/rewards",)).check()
-    with pytest.raises(ValueError, match="sample must be a whole number of at least 1, got 0"):
+    with pytest.raises(ValueError, match="sample must be an integer of at least 1, got 0"):
         MutationArguments(sample=0).check()

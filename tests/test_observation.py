@@ -10,15 +10,16 @@ import pytest
 from satid_gym import SATELLITES, SatInertiaIDEnv
 from satid_gym.core import kernels
 from satid_gym.core.observation import BOUND, layout
-from satid_gym.estimators import MomentumEKF, RateEKF, brief
+from satid_gym.estimators import MomentumEKF, RateEKF
+from satid_gym.scenario import prior_of
 
 
 class KeepsReadings:
     """Mixed into a filter, it keeps the last readings the environment gave it."""
 
-    def reset(self, briefing, gyro, wheel_speed):
+    def reset(self, prior, gyro, wheel_speed):
         self.gyro, self.wheel_speed = gyro, wheel_speed
-        super().reset(briefing, gyro, wheel_speed)
+        super().reset(prior, gyro, wheel_speed)
 
     def update(self, gyro, wheel_speed):
         self.gyro, self.wheel_speed = gyro, wheel_speed
@@ -83,7 +84,7 @@ def test_every_part_by_its_definition(name, parameters, new, pyramid):
     satellite = SATELLITES.get(name, pyramid)
     env = SatInertiaIDEnv(satellite, scenario={"decision_period": 2.0}, estimator=recorder, include_covariance=True)
     scenario, wheels = env.problem.scenario, satellite.wheels
-    spin, prior = wheels.axes * wheels.inertia, brief(satellite, scenario).inertia
+    spin, prior = wheels.axes * wheels.inertia, prior_of(satellite, scenario).inertia
     moments = np.diag(prior)
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: 3 if parameters == "principal" else 6]
     p = len(places)
@@ -118,9 +119,9 @@ def test_every_part_by_its_definition(name, parameters, new, pyramid):
             "uncertainty": np.log10(std[3 : 3 + p] / scale) + 2.0,
             "disturbance": tau / satellite.disturbance_std,
             "correlation": (covariance[:3, 3 : 3 + p] / np.outer(std[:3], std[3 : 3 + p])).ravel(),
-            "authority": np.abs(wheels.axes) @ wheels.max_torque * 2.0 / moments / satellite.rate_limit,
-            "swing": moments * satellite.rate_limit / (np.abs(spin) @ wheels.max_speed),
-            "drift": slope * 2.0 / satellite.rate_limit,
+            "control_authority": np.abs(wheels.axes) @ wheels.max_torque * 2.0 / moments / satellite.rate_limit,
+            "momentum_fraction": moments * satellite.rate_limit / (np.abs(spin) @ wheels.max_speed),
+            "coast_rate_change": slope * 2.0 / satellite.rate_limit,
             "command": action,
             "time_left": [1.0 - (step + 1) / 150],
             "state_uncertainty": np.log10(np.delete(std, slice(3, 3 + p)) / others) + 2.0,
@@ -153,9 +154,9 @@ def test_a_torque_whose_prior_std_is_zero(walk):
 def test_what_is_beyond_ten_is_cut_to_ten():
     env = SatInertiaIDEnv()
     env.reset(seed=0)
-    env._plants["gyro"] = np.array([1.0, -1.0, 9.9 / 100.0 * 3.0])  # the limit is 0.03 rad/s
-    observation = np.zeros(env.observation_space.shape, np.float32)
-    kernels.look(env._plants, env._beliefs, env._tasks, env._work, env._reports, observation)
+    env.fleet.rows.plants["gyro"] = np.array([1.0, -1.0, 9.9 / 100.0 * 3.0])  # the limit is 0.03 rad/s
+    kernels.look(env.fleet.rows, env.fleet.work)
+    observation = env.fleet.rows.observations[0]
     np.testing.assert_allclose(observation[:3], [10.0, -10.0, 9.9], rtol=1e-6)
     assert env.observation_space.contains(observation)
 
@@ -170,7 +171,7 @@ def test_observation_is_of_order_one_in_ordinary_flight(name):
         for step in range(300):
             seen.append(observation)
             rate = observation[env.layout["rate"]]
-            authority = observation[env.layout["authority"]]
+            authority = observation[env.layout["control_authority"]]
             target = 0.8 * np.where((step / 30.0 + np.arange(3) / 3.0) % 1.0 < 0.5, 1.0, -1.0)
             observation, *_ = env.step(np.clip((rate - target) / authority, -1.0, 1.0).astype(np.float32))
     seen = np.array(seen)

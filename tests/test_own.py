@@ -14,16 +14,19 @@ import numpy as np
 import pytest
 
 import satid_gym
-from agents import compare, evaluate, imitate, record, train
-from agents.pilot import Pairing
-from agents.settings import ImitationSettings, TrainSettings
-from baselines import design, tune
-from baselines.ending import ended
+from agents.benchmark import compare, evaluate
+from agents.training import imitation, ppo
+from agents.training.settings import ImitationSettings, TrainSettings
+from agents.viewer import record
+from agents.viewer.rollout import Pairing
+from baselines.command.cli import ended
+from baselines.tuning import amplitudes, open_loop_design
 from satid_gym import SATELLITES, SCENARIOS, InertiaLaw, Satellite
 from satid_gym.evaluation import benchmark_scenario
 from satid_gym.laws import PAPER_LAWS
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.registry import PLANNERS
 from satid_gym.problem import resolve_inertia, resolve_satellites, resolve_scenario
 
 SCOUT = """
@@ -167,7 +170,7 @@ def test_what_is_wrong_in_a_file_is_said_with_its_name_and_key(folder, file, tex
         ("", "the first line must name the columns time, factor; or time, xx, yy, zz; or .*; got nothing"),
         ("time,force\n0,1\n", "got time, force"),
         ("time,factor\n0\n", "row 2 has 1 columns, not 2"),
-        ("time,factor\n0,1\n1,one\n", "row 3 holds what is no number: .*'one'"),
+        ("time,factor\n0,1\n1,one\n", "row 3 has an entry that is not a number: .*'one'"),
         ("time,factor\n1,1\n0,1\n", "times of the inertia law must be .* with 0 after 1"),
     ],
 )
@@ -180,7 +183,7 @@ def test_what_is_wrong_in_a_table_is_said(folder, text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("craft:TILTED", "cannot import craft"),
+        ("constants:TILTED", "cannot import constants"),
         ("crafts:TILTD", "unknown name in crafts 'TILTD'.*Did you mean 'TILTED'"),
         ("crafts:NUMBER", "must be a Satellite, a mapping of its settings or a function that returns one"),
         ("scuot", "unknown satellite 'scuot'.* Or the path of a .json or .toml file, or module:name"),
@@ -241,21 +244,21 @@ def test_absolute_paths_stay_out_of_results(folder):
 
 
 def test_baselines_that_have_no_settings_are_left_out_with_the_command_that_finds_them():
-    cast = compare.Comparison(satellites=("scout.toml", "cubesat"), episodes=2).cast()
-    names = {satellite: {policy.name for policy in team} for satellite, team in cast.teams.items()}
+    entrants = compare.Comparison(satellites=("scout.toml", "cubesat"), episodes=2, all=True).entrants()
+    names = {satellite: {policy.name for policy in team} for satellite, team in entrants.policies_for.items()}
     assert {"generalist", "mpc", "greedy", "random", "zero"} <= names["scout"]
     missing = names["cubesat"] - names["scout"]
     assert {"rate_square", "sine", "open_loop_optimal"} <= missing
-    lines = [line for line in cast.not_tuned if "'scout'" in line]
-    assert len(lines) == len(missing | set(tune.PLANNERS))
-    assert cast.definitions()["not_tuned"] == cast.not_tuned
+    lines = [line for line in entrants.not_tuned if "'scout'" in line]
+    assert len(lines) == len(missing | set(PLANNERS))
+    assert entrants.definitions()["not_tuned"] == entrants.not_tuned
     said = "\n".join(lines)
-    assert said.count("(meanwhile it flies with its default margin)") == len(tune.PLANNERS)
+    assert said.count("(meanwhile it flies with its default margin)") == len(PLANNERS)
     assert (
         "rate_square has no settings for satellite 'scout' in scenario 'default': run python -m baselines.tune "
         "--satellites scout.toml --scenarios default --output my_tuned.json and add --tuned my_tuned.json"
     ) in said
-    assert "python -m baselines.design --satellites scout.toml" in said
+    assert "python -m baselines.tuning.open_loop_design --satellites scout.toml" in said
 
 
 @pytest.mark.parametrize(
@@ -277,22 +280,22 @@ def test_a_baseline_that_was_asked_for_and_has_no_settings_is_refused_with_the_c
 def few(monkeypatch):
     """Tuning and design in seconds: few settings, a small search."""
     monkeypatch.setattr(
-        tune, "grid", lambda name, *_: [[_SETTINGS[name]]] if name in _SETTINGS else [[{"amplitude": 0.02}]]
+        amplitudes, "grid", lambda name, *_: [[_SETTINGS[name]]] if name in _SETTINGS else [[{"amplitude": 0.02}]]
     )
 
 
 _SETTINGS = {
     "rate_square": {"period": 20.0, "margin": 2.5},
     "staggered_square": {"amplitude": 0.02, "period": 24.0},
-    **{name: {"margin": 2.5} for name in tune.PLANNERS},
+    **{name: {"margin": 2.5} for name in PLANNERS},
 }
 
 
 def test_tuned_and_designed_for_a_satellite_of_ones_own(folder, monkeypatch):
     few(monkeypatch)
     line = "--satellites scout.toml --scenarios brief.json --episodes 2"
-    assert call(tune, f"{line} --output my_tuned.json")[0] == 0
-    assert call(design, f"{line} --population 4 --elite 2 --rounds 1 --output my_designs.json")[0] == 0
+    assert call(amplitudes, f"{line} --output my_tuned.json")[0] == 0
+    assert call(open_loop_design, f"{line} --population 4 --elite 2 --rounds 1 --output my_designs.json")[0] == 0
     flown = "--satellites scout.toml --scenario brief.json --modes step --episodes 2 --output out"
     prepared = "--tuned my_tuned.json --designs my_designs.json"
     code, _, errors = call(compare, f"{flown} --policies rate_square open_loop_optimal sine {prepared}")
@@ -300,16 +303,19 @@ def test_tuned_and_designed_for_a_satellite_of_ones_own(folder, monkeypatch):
     results = json.loads((folder / "out" / "compare_brief.json").read_text())
     assert {r["policy"] for r in results["records"]} == {"rate_square", "open_loop_optimal", "sine"}
     assert (results["settings"]["tuned"], results["settings"]["designs"]) == ("my_tuned.json", "my_designs.json")
-    cast = compare.Comparison(satellites=("scout.toml",), scenario="brief.json", prepared=compare.Prepared(
-        tuned=Path("my_tuned.json"), designs=Path("my_designs.json")), episodes=2).cast()  # fmt: skip
-    assert not cast.not_tuned
+    own = compare.Prepared(tuned=Path("my_tuned.json"), designs=Path("my_designs.json"))
+    everything = compare.Comparison(
+        satellites=("scout.toml",), scenario="brief.json", prepared=own, episodes=2, all=True
+    )
+    entrants = everything.entrants()
+    assert not entrants.not_tuned
     (folder / "scout.toml").write_text(SCOUT.replace("2.4", "2.5"))
     code, _, errors = call(compare, f"{flown} --policies rate_square {prepared}")
     assert code == 2
     assert "my_tuned.json was made for another scout than that of scout.toml: run python -m baselines.tune" in errors
 
 
-@pytest.mark.parametrize("module", [tune, design])
+@pytest.mark.parametrize("module", [amplitudes, open_loop_design])
 def test_what_is_ones_own_does_not_go_into_the_shipped_settings(module):
     code, _, errors = call(module, "--satellites scout.toml")
     assert code == 2
@@ -318,10 +324,10 @@ def test_what_is_ones_own_does_not_go_into_the_shipped_settings(module):
 
 def test_learned_policies_that_do_not_fit_a_satellite_are_left_out_or_refused():
     """A satellite with products of inertia has six parameters, the shipped policies were trained for three."""
-    cast = compare.Comparison(satellites=("crafts:TILTED",), episodes=2).cast()
-    assert {policy.name for policy in cast.teams["tilted"]} >= {"mpc", "zero"}
-    assert not {"generalist", "ppo"} & {policy.name for policy in cast.teams["tilted"]}
-    assert any("'tilted': policy generalist takes observations of" in line for line in cast.not_tuned)
+    entrants = compare.Comparison(satellites=("crafts:TILTED",), episodes=2, all=True).entrants()
+    assert {policy.name for policy in entrants.policies_for["tilted"]} >= {"mpc", "zero"}
+    assert not {"generalist", "ppo"} & {policy.name for policy in entrants.policies_for["tilted"]}
+    assert any("'tilted': policy generalist takes observations of" in line for line in entrants.not_tuned)
     code, _, errors = call(evaluate, "generalist --beside zero --satellites crafts:TILTED --episodes 2")
     assert (code, errors.count("\n")) == (2, 1)
     assert "policy generalist takes observations of" in errors
@@ -334,8 +340,8 @@ def test_a_satellite_with_the_name_of_another_is_refused(folder):
     (folder / "microsat.toml").write_text(SCOUT)
     (folder / "other.toml").write_text('name = "scout"\n' + SCOUT)
     for line, words in (
-        ("--satellites microsat.toml", "'microsat' is the name of another satellite, that of the catalogue: give"),
-        ("--satellites scout.toml other.toml", "two satellites have the name 'scout', which results go by: give"),
+        ("--satellites microsat.toml", "'microsat' is the name of another satellite, in the catalogue: give"),
+        ("--satellites scout.toml other.toml", "two satellites have the name 'scout', which identifies results: give"),
         ("--satellites microsat microsat", "two satellites have the name 'microsat'"),
     ):
         code, _, errors = call(compare, f"{line} --policies zero --episodes 2")
@@ -345,8 +351,8 @@ def test_a_satellite_with_the_name_of_another_is_refused(folder):
 
 def test_the_catalogues_own_values_may_have_its_name(folder):
     (folder / "copy.json").write_text(json.dumps(SATELLITES["microsat"].to_dict()))
-    cast = compare.Comparison(satellites=("copy.json",), policies=("sine",)).cast()
-    assert [policy.name for policy in cast.teams["microsat"]] == ["sine"]
+    entrants = compare.Comparison(satellites=("copy.json",), policies=("sine",)).entrants()
+    assert [policy.name for policy in entrants.policies_for["microsat"]] == ["sine"]
 
 
 def test_a_scenario_with_the_name_of_another_is_refused(folder):
@@ -382,8 +388,8 @@ def test_policies_with_one_name_are_refused_with_the_way_out(folder):
         code, _, errors = call(compare, f"--policies {texts} --episodes 2")
         assert (code, errors.count("\n")) == (2, 1)
         assert words in errors
-    cast = compare.Comparison(policies=("one", "other=two", "chirped=chirp_like")).cast()
-    assert [policy.name for policy in cast.teams["cubesat"]] == ["mine", "other", "chirped"]
+    entrants = compare.Comparison(policies=("one", "other=two", "chirped=chirp_like")).entrants()
+    assert [policy.name for policy in entrants.policies_for["cubesat"]] == ["mine", "other", "chirped"]
     code, _, errors = call(record, "one --beside two")
     assert code == 2
     assert "both policies have the name 'mine': tell them apart by NAME=PATH, say other=two" in errors
@@ -416,7 +422,7 @@ def test_a_pairing_flies_ones_own():
     pairing = Pairing(
         policy="zero", beside="random", satellite="scout.toml", inertia="fuel.csv", scenario="brief.json", horizon=12.0
     )
-    first, second = pairing.pilots()
+    first, second = pairing.rollouts()
     for _ in range(12):
         first.step()
         second.step()
@@ -444,11 +450,11 @@ def test_training_on_ones_own_goes_on_though_the_file_has_changed(folder):
         "--satellite scout.toml --inertia fuel.csv --scenario brief.json --num-envs 4 --rollout 10 --batch-size 40 "
         "--evaluation-episodes 2 --evaluate-every 40 --run runs/mine"
     )
-    train.main([*line.split(), "--steps", "40"])
+    ppo.main([*line.split(), "--steps", "40"])
     head = json.loads((folder / "runs" / "mine" / "run.json").read_text())
     assert head["settings"]["satellite"]["name"] == "scout"
     (folder / "scout.toml").write_text("changed")
-    train.main(["--run", "runs/mine", "--resume"])
+    ppo.main(["--run", "runs/mine", "--resume"])
     trained = find("runs/mine").details["trained"]["settings"]
     assert trained["satellite"] == head["settings"]["satellite"]
     assert str(folder) not in (folder / "runs" / "mine" / "run.json").read_text()
@@ -456,6 +462,6 @@ def test_training_on_ones_own_goes_on_though_the_file_has_changed(folder):
 
 def test_training_refuses_a_satellite_with_the_name_of_another(folder):
     (folder / "microsat.toml").write_text(SCOUT)
-    for command in (train, imitate):
+    for command in (ppo, imitation):
         with pytest.raises(SystemExit, match="'microsat' is the name of another satellite"):
             command.main(["--satellite", "microsat.toml"])

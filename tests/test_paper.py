@@ -6,21 +6,22 @@ import json
 import numpy as np
 import pytest
 
-from baselines.paper import figure_bars, figure_horizon, figure_pipeline, figure_profiles
 from baselines.paper.exceedance import ekf_exceedances
-from baselines.paper.figure_pipeline import energy
-from baselines.paper.flight import fly
+from baselines.paper.figures import bars, horizon, pipeline, profiles
+from baselines.paper.figures.pipeline import energy
+from baselines.paper.flight import fly_profile
 from baselines.paper.methods import METHODS, OUR_METHODS, estimate, wheel_acceleration
 from baselines.paper.page import page
 from baselines.paper.published import published
-from baselines.paper.study import HORIZON_METHODS, HORIZONS, horizon_jobs, relative_error, table_jobs
-from baselines.paper.summary import MODES, Cell, Table, cells, checks, finite
+from baselines.paper.study import HORIZON_METHODS, HORIZONS, horizon_jobs, table_jobs
+from baselines.paper.summary import MODES, CellScore, CellTable, cells, checks, finite
 from baselines.paper.tables import number, static_table
-from baselines.paper.world import briefing, scenario
+from baselines.paper.world import prior, scenario
 from satid_gym import SATELLITES, simulate
 from satid_gym.laws import paper_law
-from satid_gym.plant import law_inertia
+from satid_gym.metrics import relative_error
 from satid_gym.profiles import PROFILES
+from satid_gym.templates import law_inertia
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def test_published_tables_are_whole():
 
 def test_motor_noise_comes_out_at_five_percent():
     """Where the command leaves room; the lag makes neighbours alike by 1 - dt / (0.1 + dt)."""
-    flight = fly("microsat", "static", "sine", range(10))
+    flight = fly_profile("microsat", "static", "sine", range(10))
     limit = SATELLITES["microsat"].wheels.max_torque[0]
     follow = 1.0 / 1.1
     expected = np.zeros_like(flight.commanded)
@@ -60,9 +61,9 @@ def test_motor_noise_comes_out_at_five_percent():
 
 
 def test_briefing_holds_no_truth():
-    known = briefing("cubesat")
+    known = prior("cubesat")
     np.testing.assert_allclose(known.inertia, 0.80 * SATELLITES["cubesat"].inertia)
-    np.testing.assert_allclose(briefing("smallsat").inertia, 0.85 * SATELLITES["smallsat"].inertia)
+    np.testing.assert_allclose(prior("smallsat").inertia, 0.85 * SATELLITES["smallsat"].inertia)
     assert known.gyro_noise_std == pytest.approx(2e-6)
     assert known.disturbance_std == pytest.approx(1e-8)
     assert scenario(60.0).decisions == 60
@@ -70,7 +71,7 @@ def test_briefing_holds_no_truth():
 
 def test_flight_is_the_simulators():
     """The same motor torques without noise, flown by `simulate`, give the same rates."""
-    flight = fly("microsat", "drift", "chirp", [0], 100.0)
+    flight = fly_profile("microsat", "drift", "chirp", [0], 100.0)
     assert flight.gyro.shape == (101, 1, 3)
     truth = simulate(
         SATELLITES["microsat"], flight.applied[:, 0], flight.dt, law=paper_law("drift", 100.0), substeps=20
@@ -82,7 +83,7 @@ def test_flight_is_the_simulators():
 
 def test_energy_is_the_motors_work():
     """From rest, with no torque from outside: kinetic energy is the integral of torque times wheel speed."""
-    flight = fly("microsat", "static", "sine", [0], 40.0)
+    flight = fly_profile("microsat", "static", "sine", [0], 40.0)
     body, wheels = energy(flight, 0)
     speed = flight.wheel_speed[:, 0]
     work = np.cumsum(np.sum(flight.applied[:, 0] * 0.5 * (speed[1:] + speed[:-1]), axis=1)) * flight.dt
@@ -96,13 +97,18 @@ def test_energy_is_the_motors_work():
     ("mode", "low", "high"), [("step", 9.09, 9.10), ("drift", 4.30, 4.32), ("periodic", 1.8, 1.92)]
 )
 def test_perfect_constant_estimate_scores_what_the_paper_shows(mode, low, high):
-    truth = np.diagonal(law_inertia(paper_law(mode), np.array([3.0, 2.0, 4.0]), np.arange(301.0)), axis1=1, axis2=2)
-    error = 100.0 * relative_error(np.array([3.0, 2.0, 4.0]), truth)[1:][-60:].mean()
+    moments = np.array([3.0, 2.0, 4.0])
+    truth = law_inertia(paper_law(mode), moments, np.arange(301.0))
+    error = 100.0 * relative_error(np.diag(moments), truth)[1:][-60:].mean()
     assert low <= error <= high
 
 
 def test_relative_error_by_hand():
-    np.testing.assert_allclose(relative_error(np.array([[3.0, 4.0, 1.0]]), np.array([[3.0, 4.0, 0.0]])), [0.2])
+    truth = np.diag([3.0, 4.0, 0.0])
+    off_by_a_moment, off_by_a_product = truth + np.diag([0.0, 0.0, 1.0]), truth.copy()
+    off_by_a_product[0, 1] = off_by_a_product[1, 0] = 1.0  # stands twice in the tensor
+    found = relative_error(np.stack([off_by_a_moment, off_by_a_product]), truth)
+    np.testing.assert_allclose(found, [0.2, 0.2 * np.sqrt(2.0)])
 
 
 def test_numbers_print_with_three_digits():
@@ -116,7 +122,7 @@ def test_numbers_print_with_three_digits():
 
 
 def test_methods_can_be_chosen():
-    flight = fly("cubesat", "static", "chirp", [3], 60.0)
+    flight = fly_profile("cubesat", "static", "chirp", [3], 60.0)
     assert list(estimate(flight, 0, ("momentum_ekf",))) == ["momentum_ekf"]
     every = estimate(flight, 0)
     assert set(every) == set(METHODS)
@@ -152,7 +158,7 @@ def test_constant_plant_is_nearer_to_the_published_table(found):
 
 
 def test_smoother_beats_the_filter_over_the_record(found):
-    table = Table(found)
+    table = CellTable(found)
     for mode in MODES:
         for satellite in SATELLITES:
             filtered, smoothed = (
@@ -170,10 +176,10 @@ def test_page_figures_and_json(found, runs, tmp_path):
         for run in static
         if run.method in HORIZON_METHODS
     ]
-    figure_profiles.draw(tmp_path)
-    figure_pipeline.draw(tmp_path, [0])
-    figure_bars.draw(tmp_path, found)
-    figure_horizon.draw(tmp_path, horizon_runs)
+    profiles.draw(tmp_path)
+    pipeline.draw(tmp_path, [0])
+    bars.draw(tmp_path, found)
+    horizon.draw(tmp_path, horizon_runs)
     for name in ("profiles", "pipeline", "static", "dynamic_varying", "dynamic_constant", "horizon"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
         assert (tmp_path / f"{name}.pdf").stat().st_size > 5_000
@@ -192,4 +198,4 @@ def test_page_figures_and_json(found, runs, tmp_path):
 def test_what_is_not_identified_is_shown(found):
     lost = [dataclasses.replace(c, mean=float("nan")) if c.method in OUR_METHODS else c for c in found]
     assert static_table(lost).count("not identified") == 24 * len(OUR_METHODS)
-    assert isinstance(lost[0], Cell)
+    assert isinstance(lost[0], CellScore)

@@ -7,11 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from agents.readme import ROOT
-from agents.report.episode import fly_episode
-from baselines.ceiling import ceiling
-from baselines.design import information
-from baselines.tune import attempt
+from agents.benchmark.report.episode import fly_episode
+from agents.docs.readme import ROOT
+from baselines.studies.performance_bound import performance_bound
+from baselines.tuning.amplitudes import attempt
+from baselines.tuning.open_loop_design import information
 from satid_gym import SATELLITES, InertiaLaw, Satellite, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.estimators import (
     AdaptiveEKF,
@@ -22,16 +22,14 @@ from satid_gym.estimators import (
     MomentumEKF,
     MomentumEKFSettings,
     RateEKF,
-    brief,
-    estimator_settings,
 )
-from satid_gym.estimators.settings import LEAST_PRODUCT
+from satid_gym.estimators.inertia import PRODUCT_MIN
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.policies.registry import build
 from satid_gym.policies.shipped import find
 from satid_gym.policy import missions
 from satid_gym.problem import problem
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario import SCENARIOS, prior_of
 
 RATE_SQUARE = {"period": 24.0, "margin": 2.75}
 
@@ -83,9 +81,9 @@ def test_the_satellite_of_the_page_on_your_own_is_identified():
 
 
 def test_a_product_too_small_to_matter_leaves_the_filter_of_three_moments_honest():
-    small = with_product(0.99 * LEAST_PRODUCT)
+    small = with_product(0.99 * PRODUCT_MIN)
     assert problem(small).parameters == "principal"
-    assert problem(with_product(1.01 * LEAST_PRODUCT)).parameters == "full"
+    assert problem(with_product(1.01 * PRODUCT_MIN)).parameters == "full"
     assert 0.1 < flown(small).scores()["nees"].mean() < 1.5
 
 
@@ -146,10 +144,10 @@ def test_a_filter_takes_from_the_briefing_what_the_satellite_needs(kind):
         ("microsat", tilting, 6),
     ):
         estimator = kind()
-        estimator.reset(brief(SATELLITES.get(satellite, TILTED), scenario), np.zeros(3), np.zeros(3))
+        estimator.reset(prior_of(SATELLITES.get(satellite, TILTED), scenario), np.zeros(3), np.zeros(3))
         assert len(estimator.mean) == p + 6
     estimator = kind(parameters="principal")
-    estimator.reset(brief(TILTED, SCENARIOS["default"]), np.zeros(3), np.zeros(3))
+    estimator.reset(prior_of(TILTED, SCENARIOS["default"]), np.zeros(3), np.zeros(3))
     assert len(estimator.mean) == 9
 
 
@@ -159,7 +157,7 @@ def test_a_plugged_in_filter_estimates_what_its_environment_needs(kind):
     for seed in range(6):  # either satellite
         env.reset(seed=seed)
         env.step(np.full(3, 0.1))
-        assert len(env.unwrapped._foreign.estimator.mean) == 12
+        assert len(env.unwrapped._plugin.estimator.mean) == 12
     with pytest.raises(ValueError, match="has products of inertia"):
         SatInertiaIDEnv(TILTED, estimator=kind(parameters="principal"))
 
@@ -177,7 +175,7 @@ def test_a_plugged_in_filter_must_say_what_it_estimates():
 
 def test_policies_are_told_the_parameters_that_are_flown():
     (mission,) = missions(problem(TILTED))
-    assert estimator_settings(mission.scenario.estimator).parameters == "full"
+    assert mission.estimator.parameters == "full"
     assert mission.layout["inertia"].stop - mission.layout["inertia"].start == 6
 
 
@@ -212,8 +210,8 @@ def test_a_tilted_satellite_has_a_ceiling_and_a_page(monkeypatch):
     """What the comparison and the report do with a satellite that was added to the project's."""
     monkeypatch.setitem(SATELLITES, "tilted", TILTED)
     scenario = benchmark_scenario().replace(horizon=40.0)
-    allowed = ceiling("tilted", "periodic", seeds("validation", 2), scenario).final_errors()
-    assert 0.0 < allowed["bound"] < allowed["ideal"] < 0.1
+    allowed = performance_bound("tilted", "periodic", seeds("validation", 2), scenario).final_errors()
+    assert 0.0 < allowed["bound"] < allowed["reference_limit"] < 0.1
     policy = build("rate_square", RATE_SQUARE)
     page = fly_episode([policy], satellite="tilted", mode="step", seed=seeds("test", 1)[0], scenario=scenario)
     (flight,) = page["flights"]

@@ -9,7 +9,7 @@ from numba import njit
 
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.core.random import between, next_word, normal, uniform
-from satid_gym.interface import seed_stream
+from satid_gym.gym_api import seed_stream
 
 N = 1_000_000
 LEVEL = 1e-3  # of every hypothesis test; the seeds are fixed, so a sound generator passes for good

@@ -88,7 +88,7 @@ def test_the_reference_is_met_exactly_where_torque_suffices():
     np.testing.assert_allclose(inertia @ (np.array(wanted) - omega), drift - torque, atol=1e-12)
 
 
-def craft(kind: str, microsat: Satellite) -> Satellite:
+def constants(kind: str, microsat: Satellite) -> Satellite:
     full = np.array([[6.5, 0.4, -0.3], [0.4, 6.0, 0.5], [-0.3, 0.5, 4.5]])
     pyramid = ReactionWheels(axes=PYRAMID, inertia=2e-3, max_torque=0.1, max_speed=900.0)
     return {
@@ -111,7 +111,7 @@ def test_no_policy_that_commands_rates_leaves_the_envelope(kind, policy, microsa
     parameters = "full" if "full" in kind else "principal"
     scores = fly(
         pilot,
-        satellite=craft(kind, microsat),
+        satellite=constants(kind, microsat),
         inertia="static",
         seeds=seeds("validation", count),
         scenario=benchmark_scenario(),

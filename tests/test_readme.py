@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from agents import readme, results_tables
+from agents.docs import readme, results_tables
 
 TEXT = (readme.ROOT / "README.md").read_text()
 

@@ -1,4 +1,4 @@
-"""Videos of two policies side by side, and the pilots that fly them."""
+"""Videos of two policies side by side, and the rollouts that fly them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents import record, video
-from agents.pilot import Pairing, Pilot
-from baselines.ending import ended
+from agents.viewer import record, video
+from agents.viewer.rollout import Pairing, Rollout
+from baselines.command.cli import ended
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -46,47 +46,47 @@ def decode(path: Path) -> list[np.ndarray]:
     return [np.frombuffer(data, np.uint8).reshape(height, width, 3) for data in reader]
 
 
-# pilots
+# rollouts
 
 
 def test_pilots_meet_the_same_truth_as_the_comparison_does():
-    pilots = PAIRING.pilots()
-    for pilot in pilots:
-        while not pilot.over:
-            pilot.step()
-    np.testing.assert_array_equal(*(pilot.info["inertia_true"] for pilot in pilots))
+    rollouts = PAIRING.rollouts()
+    for rollout in rollouts:
+        while not rollout.over:
+            rollout.step()
+    np.testing.assert_array_equal(*(rollout.info["inertia_true"] for rollout in rollouts))
     world = benchmark_scenario().replace(horizon=10.0)
-    for pilot in pilots:
-        flight = fly(pilot.policy, satellite="microsat", inertia="step", seeds=[PAIRING.seed], scenario=world)
-        np.testing.assert_allclose(pilot.history["relative_error"][1:], flight.error[:, 0], rtol=1e-12)
-        assert pilot.outside == flight.outside.mean()
-        assert pilot.mean_error == pytest.approx(flight.error.mean())
-        assert pilot.history["information"][-1] == pytest.approx(flight.information.sum())
+    for rollout in rollouts:
+        flight = fly(rollout.policy, satellite="microsat", inertia="step", seeds=[PAIRING.seed], scenario=world)
+        np.testing.assert_allclose(rollout.history["relative_error"][1:], flight.error[:, 0], rtol=1e-12)
+        assert rollout.outside == flight.outside.mean()
+        assert rollout.mean_error == pytest.approx(flight.error.mean())
+        assert rollout.history["information"][-1] == pytest.approx(flight.information.sum())
 
 
 def test_a_pilot_far_outside_its_limits_stops():
-    pilot = Pilot(FullTorque(), SatInertiaIDEnv("microsat", scenario={"horizon": 20.0}), seed=0)
+    rollout = Rollout(FullTorque(), SatInertiaIDEnv("microsat", scenario={"horizon": 20.0}), seed=0)
     for _ in range(20):
-        pilot.step()
-    assert pilot.over
-    assert pilot.terminated
-    assert len(pilot.history["outside"]) < 20
-    assert np.abs(pilot.history["rate"][-1]).max() > 3.0
-    assert pilot.outside > 0.3
+        rollout.step()
+    assert rollout.over
+    assert rollout.terminated
+    assert len(rollout.history["outside"]) < 20
+    assert np.abs(rollout.history["rate"][-1]).max() > 3.0
+    assert rollout.outside > 0.3
 
 
 def test_a_policy_by_the_path_of_its_files():
-    assert Pairing(policy=str(PRETRAINED / "generalist"), horizon=10.0).pilots()[0].name == "generalist"
+    assert Pairing(policy=str(PRETRAINED / "generalist"), horizon=10.0).rollouts()[0].name == "generalist"
 
 
 def test_pilots_see_what_their_policies_ask_for(tmp_path):
     rng = np.random.default_rng(0)
     layer = Network((rng.standard_normal((3, 70)).astype(np.float32),), (np.zeros(3, np.float32),))
     LearnedPolicy("wide", layer, "rate", 2.4, include_covariance=True).save(tmp_path / "wide")
-    wide, zero = Pairing(policy=str(tmp_path / "wide"), beside="zero", horizon=10.0).pilots()
-    for pilot, size in ((wide, 70), (zero, 37)):
-        pilot.step()
-        assert pilot.env.observation_space.shape == (size,)
+    wide, zero = Pairing(policy=str(tmp_path / "wide"), beside="zero", horizon=10.0).rollouts()
+    for rollout, size in ((wide, 70), (zero, 37)):
+        rollout.step()
+        assert rollout.env.observation_space.shape == (size,)
     np.testing.assert_array_equal(wide.info["inertia_true"], zero.info["inertia_true"])
 
 
@@ -94,23 +94,23 @@ def test_pilots_see_what_their_policies_ask_for(tmp_path):
 
 
 def test_pictures_show_both_and_change():
-    pilots = PAIRING.pilots("rgb_array", 240)
-    first, *_, last = record.frames(pilots, every=4)
+    rollouts = PAIRING.rollouts("rgb_array", 240)
+    first, *_, last = record.frames(rollouts, every=4)
     assert first.shape == last.shape == (23 + 240 + 64, 240 + 4 + 240, 3)
     for part in (first[:23], first[23:263, :240], first[23:263, 244:], first[263:]):
         assert len(np.unique(part.reshape(-1, 3), axis=0)) > 10
     for rows in (slice(0, 23), slice(23, 263), slice(263, None)):
         for columns in (slice(0, 240), slice(244, None)):
             assert (first[rows, columns] != last[rows, columns]).any()
-    np.testing.assert_array_equal(last[23:263, :240], pilots[0].env.render())
+    np.testing.assert_array_equal(last[23:263, :240], rollouts[0].env.render())
 
 
 def test_the_chart_of_errors_has_a_curve_for_each():
     """Errors of 1 % and 10 % all along, at the heights of 1 % and 10 %."""
-    pilots = PAIRING.pilots("rgb_array", 480)
-    for pilot, error in zip(pilots, (0.01, 0.1), strict=True):
-        pilot.history["relative_error"][:] = [error] * 11
-    chart = record.compose(pilots)[526:, 60:900]
+    rollouts = PAIRING.rollouts("rgb_array", 480)
+    for rollout, error in zip(rollouts, (0.01, 0.1), strict=True):
+        rollout.history["relative_error"][:] = [error] * 11
+    chart = record.compose(rollouts)[526:, 60:900]
     heights = []
     for colour in record.COLOURS:
         near = np.abs(chart.astype(int) - colour).max(axis=2) < 40
@@ -119,13 +119,15 @@ def test_the_chart_of_errors_has_a_curve_for_each():
 
 
 def test_a_picture_says_when_an_episode_ended_early():
-    pilots = [
-        Pilot(FullTorque(), SatInertiaIDEnv(scenario={"horizon": 12.0}, render_mode="rgb_array", render_size=240), seed)
+    rollouts = [
+        Rollout(
+            FullTorque(), SatInertiaIDEnv(scenario={"horizon": 12.0}, render_mode="rgb_array", render_size=240), seed
+        )
         for seed in (0, 1)
     ]
-    pictures = list(record.frames(pilots, every=1))
-    assert all(pilot.terminated for pilot in pilots)
-    assert len(pictures) == max(len(pilot.history["outside"]) for pilot in pilots)
+    pictures = list(record.frames(rollouts, every=1))
+    assert all(rollout.terminated for rollout in rollouts)
+    assert len(pictures) == max(len(rollout.history["outside"]) for rollout in rollouts)
 
 
 # files
@@ -137,7 +139,7 @@ def test_an_mp4_holds_every_frame(tmp_path, monkeypatch, capsys):
     assert run(monkeypatch, *arguments, "--output", str(path)) == 0
     assert str(path) in capsys.readouterr().out
     found = decode(path)
-    expected = list(record.frames(PAIRING.pilots("rgb_array", 240), every=3))
+    expected = list(record.frames(PAIRING.rollouts("rgb_array", 240), every=3))
     assert len(found) == len(expected) == 5
     for one, other in zip(found, expected, strict=True):
         height, width = one.shape[:2]
@@ -159,7 +161,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
         shown = np.asarray(gif.convert("RGB")).astype(float)
     assert durations == [100] * 6 + [2100]
     pairing = Pairing(policy="multi_step", beside="zero", inertia="static", horizon=6.0)
-    *_, last = record.frames(pairing.pilots("rgb_array", 240), every=1)
+    *_, last = record.frames(pairing.rollouts("rgb_array", 240), every=1)
     assert np.abs(shown - last).mean() < 3.0
 
 

@@ -17,7 +17,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RecordVideo
 
 from satid_gym import SATELLITES, SatInertiaIDEnv
-from satid_gym.core.records import belief_dtype, plant_dtype, report_dtype
+from satid_gym.core.belief.records import belief_dtype
+from satid_gym.core.records import report_dtype
+from satid_gym.core.truth.records import plant_dtype
 from satid_gym.estimators import FilterpyMomentumEKF
 from satid_gym.rendering import History, draw
 from satid_gym.rendering.canvas import PANEL, SERIES, TEXT, Canvas, shade
@@ -76,15 +78,15 @@ def test_history_is_what_info_says():
     for name in ("time", "relative_error"):
         np.testing.assert_array_equal(getattr(history, name), [info[name] for info in infos])
     assert history.outside == pytest.approx(np.mean([info["outside"] for info in infos[1:]]))
-    scale = env._beliefs["theta_scale"][0]
+    scale = env.fleet.rows.beliefs["theta_scale"][0]
     shown = np.log10(history.std[-1] / scale) + 2.0
-    np.testing.assert_allclose(shown, env._observation[0][env.layout["uncertainty"]], rtol=1e-5)
+    np.testing.assert_allclose(shown, env.fleet.rows.observations[0][env.layout["uncertainty"]], rtol=1e-5)
 
 
 def test_a_foreign_estimators_belief_is_shown():
     env = flown(3, estimator=FilterpyMomentumEKF())
-    np.testing.assert_allclose(env._history.estimate[-1], env._foreign.estimator.mean[3:6], rtol=0, atol=0)
-    np.testing.assert_allclose(env._history.std[-1], np.sqrt(np.diag(env._foreign.estimator.covariance)[3:6]))
+    np.testing.assert_allclose(env._history.estimate[-1], env._plugin.estimator.mean[3:6], rtol=0, atol=0)
+    np.testing.assert_allclose(env._history.std[-1], np.sqrt(np.diag(env._plugin.estimator.covariance)[3:6]))
 
 
 def test_a_strip_puts_values_where_they_belong():
@@ -214,8 +216,8 @@ def test_a_rendered_rollout_is_the_same_bit_for_bit():
             rendered.render()
             (a, ra, *_), (b, rb, *_) = plain.step(wave(i)), rendered.step(wave(i))
             assert (a.tobytes(), ra) == (b.tobytes(), rb)
-        for records in ("_plants", "_beliefs", "_tasks", "_reports", "_observation"):
-            assert getattr(plain, records).tobytes() == getattr(rendered, records).tobytes()
+        for records in ("plants", "beliefs", "tasks", "reports", "observations"):
+            assert getattr(plain.fleet.rows, records).tobytes() == getattr(rendered.fleet.rows, records).tobytes()
     assert plain.np_random.bit_generator.state == rendered.np_random.bit_generator.state
 
 

@@ -9,13 +9,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from agents import compare, readme
-from agents.report import __main__ as report
-from agents.report.curves import error_bands, rounded
-from agents.report.episode import episode_cell, fly_episode, protagonists
-from agents.report.leaderboard import ALL_MODES, leaderboard
-from agents.report.looks import place
-from agents.report.page import first_shown, page, page_data, rebuild
+from agents.benchmark import compare
+from agents.benchmark.report import __main__ as report
+from agents.benchmark.report.curves import error_bands, rounded
+from agents.benchmark.report.episode import episode_cell, fly_episode, shown_policies
+from agents.benchmark.report.leaderboard import ALL_MODES, leaderboard
+from agents.benchmark.report.looks import place
+from agents.benchmark.report.page import first_shown, page, page_data, rebuild
+from agents.docs import readme
 from baselines import BASELINES, make_baseline
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.files import read_json
@@ -139,7 +140,7 @@ def test_the_table_sorts_by_click_and_key_and_keeps_the_bounds_last(opened):
 
     def order():
         names = page.locator("#leaderboard-table tbody th").all_inner_texts()
-        assert [name.strip() for name in names[-2:]] == ["bound", "ideal"]
+        assert [name.strip() for name in names[-2:]] == ["bound", "reference_limit"]
         return [name.strip() for name in names[:-2]]
 
     head = page.locator("#leaderboard-table th", has=page.locator("button[data-key=policy]"))
@@ -280,6 +281,36 @@ def test_no_text_of_a_chart_covers_another(crowded, width):
         if min(one[3], other[3]) - max(one[1], other[1]) > 1 and min(one[4], other[4]) - max(one[2], other[2]) > 3
     ]
     assert covered == []
+
+
+def test_stored_figures_are_marked_on_the_page_and_have_no_curves(browser, folder, tmp_path):
+    """Also where they are of one satellite alone."""
+    results = json.loads((folder / "compare.json").read_text())
+    curves = json.loads((folder / "report_data.json").read_text())
+    other = [{**r, "satellite": "cubesat"} for r in results["records"]]
+    results["settings"]["satellites"] = ["microsat", "cubesat"]
+    results["records"] += other
+    planned = [{**r, "policy": "mpc"} for r in other if r["policy"] == "rate_square"]
+    made = {"file": "old/compare.json", "revision": "earlier", "command": "c", "efficiencies": [], "notes": ["A note"]}
+    (tmp_path / "report.html").write_text(page({**results, "stored": {**made, "records": planned}}, curves))
+    complaints = []
+    opened = browser.new_page()
+    opened.on("console", lambda message: complaints.append(message.text))
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto((tmp_path / "report.html").as_uri())
+    opened.wait_for_selector("#episode-charts .main-svg")
+    assert "mpc (stored)" not in opened.locator("#leaderboard-table").inner_text()  # of microsat
+    opened.select_option("#satellite", "cubesat")
+    assert "mpc (stored)" in opened.locator("#leaderboard-table").inner_text()
+    assert "mpc" not in opened.locator("#time-legend").inner_text()
+    row = opened.locator("#heatmap tr", has_text="mpc (stored)")
+    assert row.locator("td").all_inner_texts()[0] == "-"
+    assert (
+        "old/compare.json, revision earlier; not flown in this comparison. A note"
+        in opened.locator("#provenance").inner_text()
+    )
+    opened.close()
+    assert complaints == []
 
 
 # from the disk
@@ -452,8 +483,8 @@ def test_a_policy_looks_the_same_on_every_page():
 def test_who_is_shown():
     assert first_shown(RESULTS) == ["net", "sine"]
     step = [r for r in RESULTS["records"] if r["inertia_mode"] == "step"]
-    assert protagonists(step) == ["sine", "net"]
-    assert protagonists([r for r in step if r["kind"] == "reference"]) == ["wild"]
+    assert shown_policies(step) == ["sine", "net"]
+    assert shown_policies([r for r in step if r["kind"] == "reference"]) == ["wild"]
     assert episode_cell(["cubesat", "microsat"], ["static", "step"]) == ("microsat", "step")
     assert episode_cell(["smallsat"], ["drift"]) == ("smallsat", "drift")
 

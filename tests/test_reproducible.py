@@ -30,7 +30,7 @@ for _ in range(40):
 for record in env.state().values():  # the attitude shows only here
     for name in record.dtype.names or ():
         digest.update(record[name].tobytes())
-print(json.dumps({"threads": len(env._shares), "digest": digest.hexdigest()}))
+print(json.dumps({"threads": len(env.fleet._spans), "digest": digest.hexdigest()}))
 """
 
 FLY = """

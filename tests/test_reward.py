@@ -7,10 +7,10 @@ import pytest
 
 from satid_gym import SATELLITES, SatInertiaIDEnv
 from satid_gym.core import kernels
-from satid_gym.core.records import LOGDET, MAXEIG, TRACE
-from satid_gym.estimators import MomentumEKF, brief
+from satid_gym.core.records import Criterion
+from satid_gym.estimators import MomentumEKF
 from satid_gym.reward import RewardSettings
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario import SCENARIOS, prior_of
 
 LOG2 = np.log(2.0)
 
@@ -18,9 +18,9 @@ LOG2 = np.log(2.0)
 class Recorder(MomentumEKF):
     """The MomentumEKF, which keeps the readings it is given: the environment's belief seen from outside."""
 
-    def reset(self, briefing, gyro, wheel_speed):
+    def reset(self, prior, gyro, wheel_speed):
         self.gyro = [gyro]
-        super().reset(briefing, gyro, wheel_speed)
+        super().reset(prior, gyro, wheel_speed)
 
     def update(self, gyro, wheel_speed):
         self.gyro.append(gyro)
@@ -28,15 +28,15 @@ class Recorder(MomentumEKF):
 
 
 def started(gyro=(0.0, 0.0, 0.0), **changes) -> MomentumEKF:
-    """A filter of the microsat with the briefing's numbers replaced, after its first reading."""
+    """A filter of the microsat with the prior's numbers replaced, after its first reading."""
     ekf = MomentumEKF(inertia_walk=0.0, disturbance_walk=0.0)
-    briefing = brief(SATELLITES["microsat"], SCENARIOS["default"])
-    ekf.reset(briefing.replace(**changes), gyro, (0.0, 0.0, 0.0))
+    prior = prior_of(SATELLITES["microsat"], SCENARIOS["default"])
+    ekf.reset(prior.replace(**changes), gyro, (0.0, 0.0, 0.0))
     return ekf
 
 
 def nats(ekf: MomentumEKF, criterion: int) -> float:
-    return kernels.spread(ekf._rows, ekf._work, criterion)
+    return kernels.uncertainty_nats(ekf.records, ekf.work, int(criterion))
 
 
 # Information
@@ -55,21 +55,21 @@ def nats(ekf: MomentumEKF, criterion: int) -> float:
 def test_nats_of_independent_moments(stds, logdet, trace, maxeig):
     """p = 3: D is the sum of log std ratios, A and E are 3/2 log of the mean and of the largest variance ratio."""
     ekf = started()
-    ekf._rows["covariance"][0, 3:6, 3:6] = np.diag((ekf._rows["prior_theta_std"][0] * stds) ** 2)
-    assert nats(ekf, LOGDET) == pytest.approx(logdet, abs=1e-12)
-    assert nats(ekf, TRACE) == pytest.approx(trace, abs=1e-12)
-    assert nats(ekf, MAXEIG) == pytest.approx(maxeig, abs=1e-12)
+    ekf.records["covariance"][0, 3:6, 3:6] = np.diag((ekf.records["prior_theta_std"][0] * stds) ** 2)
+    assert nats(ekf, Criterion.LOGDET) == pytest.approx(logdet, abs=1e-12)
+    assert nats(ekf, Criterion.TRACE) == pytest.approx(trace, abs=1e-12)
+    assert nats(ekf, Criterion.MAXEIG) == pytest.approx(maxeig, abs=1e-12)
 
 
 def test_nats_of_two_correlated_moments():
     """Correlation 0.6: determinant 1 - 0.36 = 0.64, largest eigenvalue 1.6, trace as before."""
     ekf = started()
     correlation = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    scale = ekf._rows["prior_theta_std"][0]
-    ekf._rows["covariance"][0, 3:6, 3:6] = correlation * np.outer(scale, scale)
-    assert nats(ekf, LOGDET) == pytest.approx(np.log(0.8))
-    assert nats(ekf, TRACE) == pytest.approx(0.0, abs=1e-15)
-    assert nats(ekf, MAXEIG) == pytest.approx(1.5 * np.log(1.6))
+    scale = ekf.records["prior_theta_std"][0]
+    ekf.records["covariance"][0, 3:6, 3:6] = correlation * np.outer(scale, scale)
+    assert nats(ekf, Criterion.LOGDET) == pytest.approx(np.log(0.8))
+    assert nats(ekf, Criterion.TRACE) == pytest.approx(0.0, abs=1e-15)
+    assert nats(ekf, Criterion.MAXEIG) == pytest.approx(1.5 * np.log(1.6))
 
 
 def test_d_optimality_is_least_and_e_optimality_most():
@@ -77,8 +77,8 @@ def test_d_optimality_is_least_and_e_optimality_most():
     rng, ekf = np.random.default_rng(0), started()
     for _ in range(100):
         a = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-3, 0, 3)
-        ekf._rows["covariance"][0, 3:6, 3:6] = a @ a.T
-        d, mean, largest = (nats(ekf, criterion) for criterion in (LOGDET, TRACE, MAXEIG))
+        ekf.records["covariance"][0, 3:6, 3:6] = a @ a.T
+        d, mean, largest = (nats(ekf, criterion) for criterion in Criterion)
         assert d <= mean + 1e-12
         assert mean <= largest + 1e-12
 
@@ -90,32 +90,32 @@ def test_one_reading_of_a_known_momentum_by_hand():
     sigma = 0.003 make r = 1: half a log 2 is learned, all of it about J_x, whose variance halves.
     """
     ekf = started(inertia=np.diag([6.0, 6.0, 6.0]), prior_std=0.1, gyro_noise_std=3e-3, tachometer_noise_std=0.0)
-    belief = ekf._rows[0]
+    belief = ekf.records[0]
     belief["covariance"][:] = 0.0
     belief["covariance"][3:6, 3:6] = 0.36 * np.eye(3)
     belief["mean"][:3] = 6.0 * 0.03, 0.0, 0.0
-    before = nats(ekf, LOGDET)
+    before = nats(ekf, Criterion.LOGDET)
     ekf.update((0.03, 0.0, 0.0), (0.0, 0.0, 0.0))  # as predicted: the estimate stays where the derivative is taken
-    assert before - nats(ekf, LOGDET) == pytest.approx(0.5 * LOG2, rel=1e-12)
+    assert before - nats(ekf, Criterion.LOGDET) == pytest.approx(0.5 * LOG2, rel=1e-12)
     np.testing.assert_allclose(np.diag(ekf.covariance)[3:6], [0.18, 0.36, 0.36], rtol=1e-12)
     np.testing.assert_allclose(ekf.mean[3:6], 6.0, rtol=1e-12)
 
 
 def test_a_lost_covariance_is_flagged_and_not_hidden():
     ekf = started()
-    ekf._rows["covariance"][0, 4, 4] = -1e-9
-    assert np.isnan(nats(ekf, LOGDET))
-    assert ekf._rows["broken"][0] == 1
+    ekf.records["covariance"][0, 4, 4] = -1e-9
+    assert np.isnan(nats(ekf, Criterion.LOGDET))
+    assert ekf.records["broken"][0] == 1
 
 
-@pytest.mark.parametrize("criterion", [LOGDET, TRACE, MAXEIG])
+@pytest.mark.parametrize("criterion", Criterion)
 @pytest.mark.parametrize("variance", [0.0, -1.0])
 def test_a_covariance_without_spread_is_flagged_by_every_criterion(criterion, variance):
     """Nothing is known to a variance of zero: -inf nats, or NaN below, and the flag says that the filter is lost."""
     ekf = started()
-    ekf._rows["covariance"][0, 3:6, 3:6] = variance * np.eye(3)
+    ekf.records["covariance"][0, 3:6, 3:6] = variance * np.eye(3)
     assert not np.isfinite(nats(ekf, criterion))
-    assert ekf._rows["broken"][0] == 1
+    assert ekf.records["broken"][0] == 1
 
 
 # Reward
@@ -151,10 +151,9 @@ def test_envelope_penalty_by_hand():
     """Largest readings of the decision 0.97, 0.5 and 1.2 limits: 10 (0 + 0 + 0.2) = 2; nothing is paid inside."""
     env = SatInertiaIDEnv(reward={"held_scale": 0.0})
     env.reset(seed=1)
-    observation = np.zeros((env.observation_space.shape[0]), np.float32)
-    env._reports["peak_rate"][0] = np.array([0.97, 0.5, 1.2]) * 0.03
-    kernels.conclude(env._plants, env._beliefs, env._tasks, env._work, env._reports, observation)
-    assert env._reports["reward"][0] == pytest.approx(-2.0, rel=1e-9)
+    env.fleet.rows.reports["peak_rate"][0] = np.array([0.97, 0.5, 1.2]) * 0.03
+    kernels.conclude(env.fleet.rows, env.fleet.work)
+    assert env.fleet.rows.reports["reward"][0] == pytest.approx(-2.0, rel=1e-9)
 
 
 def test_envelope_penalty_counts_the_largest_reading_of_the_decision():

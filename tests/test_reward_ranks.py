@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.reward_figure import correlations
+from agents.docs.reward_figure import correlations
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "compare.json"
 RECORDS = json.loads(RESULTS.read_text(encoding="utf-8"))["records"]

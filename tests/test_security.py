@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from agents import checkpoint
-from agents.settings import TrainSettings
-from satid_gym.policies.learned import LARGEST, LearnedPolicy, Network
+from agents.training import checkpoint
+from agents.training.settings import TrainSettings
+from satid_gym.policies.learned import FILE_SIZE_MAX, LearnedPolicy, Network
 from satid_gym.policies.shipped import PRETRAINED, names
 
 ROOT = Path(__file__).parent.parent
@@ -193,7 +193,7 @@ def test_a_network_that_commands_too_few_or_too_many_rates_is_refused(tmp_path):
 
 def test_files_that_are_too_large_are_not_read(tmp_path):
     path = written(tmp_path, b"")
-    os.truncate(tmp_path / "x.safetensors", LARGEST + 1)
+    os.truncate(tmp_path / "x.safetensors", FILE_SIZE_MAX + 1)
     with pytest.raises(ValueError, match="a policy at most"):
         LearnedPolicy.load(path)
 

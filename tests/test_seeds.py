@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from gymnasium.utils import seeding
 
-from agents import train
-from agents.settings import TrainSettings
-from baselines import tune
+from agents.training import ppo
+from agents.training.settings import TrainSettings
+from baselines.tuning import amplitudes
 from satid_gym import SATELLITES, SatInertiaIDVectorEnv
 from satid_gym.evaluation import FIRST_SEED, SPLIT_SIZE, seeds
-from satid_gym.interface import seed_stream
+from satid_gym.gym_api import seed_stream
 
 TINY = {
     "satellite": "microsat", "num_envs": 16, "rollout": 10, "batch_size": 80, "epochs": 1, "hold": 4, "steps": 320,
@@ -56,7 +56,7 @@ def test_splits_are_disjoint_and_cover_what_the_vector_draws(drawn):
 
 def trained(tmp_path, seed: int) -> None:
     settings = TrainSettings.from_dict({**TINY, "seed": seed})
-    run = train.Run(settings, tmp_path / str(seed), resume=False, command="test")
+    run = ppo.Run(settings, tmp_path / str(seed), resume=False, command="test")
     run.learn()
     run.env.close()
 
@@ -84,7 +84,7 @@ def test_a_training_seed_cannot_reach_into_another_split(tmp_path):
 
 
 def test_tuning_draws_tuning_seeds(drawn):
-    tune.attempt("zero", {}, SATELLITES["cubesat"], "default", episodes=3)
+    amplitudes.attempt("zero", {}, SATELLITES["cubesat"], "default", episodes=3)
     assert drawn == set(seeds("tuning", 3))
 
 

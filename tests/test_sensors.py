@@ -31,9 +31,9 @@ def noisy(lag: float) -> SatInertiaIDEnv:
 def test_a_sample_draw_by_draw(lag):
     """Motors first, then the gyro's bias, then the readings, each with the next deviates of the stream."""
     env = noisy(lag)
-    plant, limit = env._plants[0], env._plants["torque_max"][0]
+    plant, limit = env.fleet.rows.plants[0], env.fleet.rows.plants["torque_max"][0]
     command = limit * [0.5, -0.9, 0.9]
-    env._work["torque"][0] = command
+    env.fleet.work["torque"][0] = command
     stream, cut = plant["stream"].copy(), 0
 
     def deviates(count):
@@ -41,7 +41,7 @@ def test_a_sample_draw_by_draw(lag):
 
     for _ in range(8):
         torque, bias = plant["motor_torque"].copy(), plant["gyro_bias"].copy()
-        kernels.sample(env._plants, env._tasks, env._work, env._reports)
+        kernels.sample(env.fleet.rows, env.fleet.work)
         wanted = command + 0.3 * limit * deviates(3)
         cut += (np.abs(wanted) > limit).sum()
         torque += DT / (lag + DT) * (np.clip(wanted, -limit, limit) - torque)
@@ -57,8 +57,8 @@ def test_a_sample_draw_by_draw(lag):
 def test_the_motor_torque_is_what_turns_the_wheels():
     """Without lag a sample changes a wheel's absolute spin by the motor's torque times the period."""
     env = noisy(0.0)
-    plant = env._plants[0]
-    env._work["torque"][0] = 0.05 * plant["torque_max"]
+    plant = env.fleet.rows.plants[0]
+    env.fleet.work["torque"][0] = 0.05 * plant["torque_max"]
     before = plant["wheel_momentum"].copy()
-    kernels.sample(env._plants, env._tasks, env._work, env._reports)
+    kernels.sample(env.fleet.rows, env.fleet.work)
     np.testing.assert_allclose(plant["wheel_momentum"] - before, DT * plant["motor_torque"], rtol=1e-9)

@@ -4,7 +4,7 @@ import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
 
-from agents.readme import ROOT
+from agents.docs.readme import ROOT
 
 
 @pytest.fixture(scope="module")

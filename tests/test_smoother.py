@@ -6,18 +6,19 @@ import scipy.stats
 from filterpy.kalman import KalmanFilter
 
 from satid_gym import SCENARIOS, simulate
-from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF, MomentumEKFSettings, MomentumSmoother, brief
+from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF, MomentumEKFSettings, MomentumSmoother
 from satid_gym.estimators.smoother import _Transition
+from satid_gym.scenario import prior_of
 
 
 def flight(satellite, count, dt=0.5, seed=0, omega0=(0.0, 0.0, 0.0), disturbance=None):
-    """Briefing and noisy readings of a flight with momentum in the wheels."""
+    """FilterPrior and noisy readings of a flight with momentum in the wheels."""
     rng = np.random.default_rng(seed)
     n = satellite.wheels.count
     torque = 0.2 * satellite.wheels.max_torque * rng.choice([-1.0, 1.0], (count, n))
     speed = 0.05 * satellite.wheels.max_speed * np.linspace(-1.0, 1.0, n)
     truth = simulate(satellite, torque, dt, omega0=omega0, wheel_speed0=speed, disturbance=disturbance)
-    known = brief(satellite, SCENARIOS["default"])
+    known = prior_of(satellite, SCENARIOS["default"])
     gyro = truth.omega + known.gyro_noise_std * rng.standard_normal(truth.omega.shape)
     wheel_speed = truth.wheel_speed + known.tachometer_noise_std * rng.standard_normal(truth.wheel_speed.shape)
     return known, gyro, wheel_speed, truth
@@ -141,7 +142,7 @@ def test_ends_where_the_filter_ends_and_knows_more_before(microsat):
     before, after = (np.diagonal(r.covariance, axis1=1, axis2=2) for r in (forward, run))
     assert (after <= before * (1.0 + 1e-9)).all()
     assert (after[1, 3:6] < 0.5 * before[1, 3:6]).all()
-    assert run.guarded == forward.guarded
+    assert run.constrained_updates == forward.constrained_updates
     np.testing.assert_array_equal(run.nis, forward.nis)
 
 

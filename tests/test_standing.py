@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents import readme, results_tables, reward_figure
-from agents.standing import standings
+from agents.benchmark.ranking import standings
+from agents.docs import readme, results_tables, reward_figure
 
 COMMAND = "python -m agents.compare --output results"
 
@@ -70,11 +70,11 @@ def test_an_unknown_policy_is_refused():
 
 def test_the_claims_say_who_is_inside_and_of_how_many_episodes_the_times_are():
     said = " ".join(results_tables.claims(comparison(), TIMING).split())
-    assert "in the 1 of 2 cells that have one (none inside: s static)" in said
-    assert "0.20 to 0.20 of the lowest of the eight, inside or not, in all cells" in said
-    assert "clearly lower in 1 cells, level in 1, clearly higher in 0" in said
-    assert "Where 100 episodes fly side by side, its decision takes 0.02 ms an episode, 1/100 of `mpc`'s time" in said
-    assert "where one flies alone, 0.1 ms, 1/10." in said
+    assert "`net` is inside the envelope in 2 of 2 cells" in said
+    assert "0.20 to 0.20 of that of the best of the paper's eight profiles inside the envelope (1 of 2 cells" in said
+    assert "lower in 1 cells, level in 1, higher in 0" in said
+    assert "A decision takes 0.1 ms when one episode flies alone (1/10 of `mpc`'s time)" in said
+    assert "0.02 ms an episode when 100 fly side by side (1/100)." in said
 
 
 def test_the_claims_where_no_profile_is_inside_in_any_cell():
@@ -113,7 +113,7 @@ def test_a_cell_with_too_few_policies_inside_is_refused():
 def test_the_figure_is_of_the_committed_results():
     results = json.loads((readme.RESULTS / "compare.json").read_text())
     with Image.open(readme.ROOT / "docs" / "media" / "reward_ranks.png") as picture:
-        assert picture.info["Source"] == reward_figure.source(results), "run python -m agents.reward_figure"
+        assert picture.info["Source"] == reward_figure.source(results), "run python -m agents.docs.reward_figure"
         assert min(picture.size) > 800
 
 

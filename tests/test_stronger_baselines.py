@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from baselines import build
-from baselines.design import Design, information, search
+from baselines.tuning.open_loop_design import Design, information, search
 from satid_gym import SATELLITES, SatInertiaIDVectorEnv
 from satid_gym.control.planner import Planner
 from satid_gym.control.rate_loop import RateLoop
@@ -146,7 +146,7 @@ def test_an_advantage_is_what_the_other_side_would_cost(ahead: int) -> None:
     rng = np.random.default_rng(1)
     plans = np.where(rng.random((3, 30, 3)) < 0.2, 1.0, -1.0)
     plans[0, :, 0] = 1.0  # no reversal at all
-    advantage = planner.advantage(plans, ahead)
+    side_value = planner.side_value(plans, ahead)
     for i in range(3):
         for k in range(3):
             now, held = plans[:, :ahead].copy(), plans[:, :ahead].copy()
@@ -156,8 +156,8 @@ def test_an_advantage_is_what_the_other_side_would_cost(ahead: int) -> None:
             held[i, :until, k] *= -1.0
             own, *others = planner.forecast(np.stack([plans[:, :ahead], now, held], axis=1)).error[i]
             worth = ahead * (min(others) / own - 1.0)
-            assert advantage[i, k] == pytest.approx(worth * plans[i, 0, k], rel=1e-9, abs=1e-12)
-    assert (advantage * plans[:, 0] < 0.0).any() or ahead == 1  # a plan at random leaves something to gain
+            assert side_value[i, k] == pytest.approx(worth * plans[i, 0, k], rel=1e-9, abs=1e-12)
+    assert (side_value * plans[:, 0] < 0.0).any() or ahead == 1  # a plan at random leaves something to gain
 
 
 @pytest.mark.parametrize("policy", [GreedyPolicy("greedy", 1), GreedyPolicy("greedy_horizon", 4), MPCPolicy(edits=4)])
@@ -181,7 +181,7 @@ def test_planning_stays_inside_and_keeps_up_with_the_square_wave(name: str, sate
 
 
 def test_bad_settings_are_refused() -> None:
-    with pytest.raises(ValueError, match="horizon and steps must be whole numbers of at least 1, got 0 and 2"):
+    with pytest.raises(ValueError, match="horizon and steps must be integers of at least 1, got 0 and 2"):
         GreedyPolicy("greedy", 0)
     with pytest.raises(ValueError, match=r"at least 1, got 40, 1\.5 and 24"):
         MPCPolicy(steps=1.5)
@@ -233,7 +233,9 @@ def test_design_finds_more_than_a_regular_swing() -> None:
 
 
 def test_what_was_not_designed_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"no open-loop design for satellite 'hubble'.*baselines.design"):
+    with pytest.raises(
+        ValueError, match=r"no open-loop design for satellite 'hubble'.*baselines.tuning.open_loop_design"
+    ):
         design_of("hubble", "default")
     with pytest.raises(ValueError, match="fraction must be finite and more than 0 and at most 1"):
         build("open_loop_optimal", {"fraction": 1.5})

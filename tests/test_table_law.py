@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from satid_gym import InertiaLaw, SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.laws import INERTIA_MODES, MOST_KNOTS
-from satid_gym.plant import law_inertia
+from satid_gym.laws import INERTIA_MODES, KNOTS_MAX
+from satid_gym.templates import law_inertia
 
 FUEL = InertiaLaw("table", times=(20.0, 60.0, 60.5, 200.0), values=(1.0, 0.9, 1.1, 1.0), name="fuel")
 BOOM = InertiaLaw("table", times=(0.0, 50.0), values=[(0.0, 0.0, 0.0), (0.5, 0.4, 0.1)])
@@ -136,7 +136,7 @@ def test_drawn_inertias_are_physical_all_along_the_table():
         ({"times": (0.0, 2.0, 1.0)}, r"increasing numbers of seconds, got shape \(3,\) with 1 after 2"),
         ({"times": (0.0, 1.0, 1.0)}, "with 1 after 1"),
         ({"times": 3.0}, "increasing numbers of seconds"),
-        ({"times": np.arange(MOST_KNOTS + 1.0)}, f"1 to {MOST_KNOTS} increasing"),
+        ({"times": np.arange(KNOTS_MAX + 1.0)}, f"1 to {KNOTS_MAX} increasing"),
         ({"times": (0.0, 1.0, np.nan)}, "times of the inertia law must be finite"),
         ({"values": (1.0, 0.0, 1.0)}, "factors of the inertia law must be positive, got 0 at 1 s"),
         ({"values": (1.0, 1.1)}, r"values of the inertia law must have shape \(3,\) or \(3, 3\) or \(3, 3, 3\)"),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from agents import choose, train
-from agents.settings import TrainSettings, named
+from agents.training import ppo, select
+from agents.training.settings import TrainSettings, named
 from baselines import tuned_entry
-from baselines.ending import ended
+from baselines.command.cli import ended
 from satid_gym import RewardSettings
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.profiles import PROFILES
@@ -33,7 +33,7 @@ SMALL = {
 def run(folder, steps, *, resume=False):
     # the schedule of the learning rate belongs to the whole run, so a stop is made by raising after an update
     settings = TrainSettings.from_dict({**SMALL, "steps": 640})
-    task = train.Run(settings, folder, resume=resume, command="test")
+    task = ppo.Run(settings, folder, resume=resume, command="test")
     if steps < 640:
         after = task._after_update
 
@@ -81,7 +81,7 @@ def test_a_scenario_with_slow_wheels_is_trained_in_by_itself():
 
 
 def test_training_starts_staggered(tmp_path):
-    task = train.Run(TrainSettings.from_dict(SMALL), tmp_path, resume=False, command="test")
+    task = ppo.Run(TrainSettings.from_dict(SMALL), tmp_path, resume=False, command="test")
     task.env.reset()
     ends = [task.env.step(np.zeros((16, 3), np.float32))[2].sum() for _ in range(300)]
     assert max(ends) == 1
@@ -163,16 +163,16 @@ def test_settings_are_checked():
 @pytest.mark.parametrize("arguments", [["--satellite", "moon"], ["--resume"], ["--settings", "none"]])
 def test_the_command_line_ends_with_one_line(arguments):
     with pytest.raises(SystemExit) as error:
-        train.main(arguments)
+        ppo.main(arguments)
     assert str(error.value).startswith("agents.train: ")
     assert "\n" not in str(error.value)
 
 
 def test_better_policies_have_lower_merit():
     row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005, "saturated_fraction": 0.0}
-    assert train.merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
-    assert train.merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * train.merit([row]))
-    assert train.merit([{**row, "saturated_fraction": 0.02}]) == pytest.approx(2 * train.merit([row]))
+    assert ppo.merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
+    assert ppo.merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * ppo.merit([row]))
+    assert ppo.merit([{**row, "saturated_fraction": 0.02}]) == pytest.approx(2 * ppo.merit([row]))
 
 
 def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp_path, monkeypatch, capsys):
@@ -183,24 +183,24 @@ def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp
         weight *= 30.0
     lively.save(copy / "policy")
     shipped.mkdir()
-    monkeypatch.setattr(choose, "PRETRAINED", shipped)
+    monkeypatch.setattr(select, "PRETRAINED", shipped)
     arguments = ["choose", str(finished[0]), str(copy), "--ship", "--margin", "3.1", "--episodes", "6"]
     monkeypatch.setattr("sys.argv", arguments)
-    assert choose.main() == 0
+    assert select.main() == 0
     assert f"best by final and mean error: {copy}" in capsys.readouterr().out
     policy = LearnedPolicy.load(shipped / lively.name)
     assert policy.margin == 3.1
     assert policy.details["validation_episodes"] == 6
     head = json.loads((copy / "run.json").read_text())
     assert all(policy.details["trained"][name] == head[name] for name in ("command", "revision", "versions"))
-    expected = train.validate(policy, TrainSettings.from_dict(policy.details["trained"]["settings"]), 6)
+    expected = ppo.validate(policy, TrainSettings.from_dict(policy.details["trained"]["settings"]), 6)
     assert policy.details["validation"] == expected
 
 
 @pytest.mark.parametrize(("option", "message"), [(("--episodes", "0"), "episodes"), (("--margin", "-1"), "margin")])
 def test_a_choice_that_cannot_be_made_ends_with_one_line(copy, monkeypatch, capsys, option, message):
     monkeypatch.setattr("sys.argv", ["choose", str(copy), *option])
-    assert ended(choose.main) == 2
+    assert ended(select.main) == 2
     assert message in capsys.readouterr().err
 
 
@@ -212,7 +212,7 @@ def test_a_policy_that_does_not_say_how_it_was_trained_is_not_chosen(copy, monke
     policy.details = details
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
-    assert ended(choose.main) == 2
+    assert ended(select.main) == 2
     errors = capsys.readouterr().err
     assert errors.startswith(f"error: policy {policy.name} does not say how it was trained (")
     assert errors.count("\n") == 1
@@ -223,7 +223,7 @@ def test_runs_for_different_satellites_are_not_compared(copy, finished, monkeypa
     policy.details["trained"]["settings"]["satellite"] = "cubesat"
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(finished[0]), str(copy)])
-    assert ended(choose.main) == 2
+    assert ended(select.main) == 2
     assert "different satellites" in capsys.readouterr().err
 
 
@@ -231,17 +231,17 @@ def test_an_error_of_flight_is_not_taken_for_one_of_training(copy, monkeypatch):
     def flight(*_):
         raise ValueError("of flight")
 
-    monkeypatch.setattr(choose, "validate", flight)
+    monkeypatch.setattr(select, "validate", flight)
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
     with pytest.raises(ValueError, match=r"^of flight$"):
-        choose.main()
+        select.main()
 
 
 @pytest.mark.parametrize("control", ["rate", "torque"])
 def test_a_short_training_with_the_default_settings_ends_below_every_scripted_profile(control, tmp_path):
     """Half of the README's short training: it ended above doing nothing once."""
     settings = TrainSettings(satellite="microsat", control=control, steps=100_000, evaluate_every=100_000)
-    task = train.Run(settings, tmp_path / "short", resume=False, command="test")
+    task = ppo.Run(settings, tmp_path / "short", resume=False, command="test")
     task.learn()
     task.env.close()
     before, after = task.curve[0]["final_error"], min(row["final_error"] for row in task.curve[1:])

@@ -12,7 +12,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.interface import INFO_KEYS
+from satid_gym.gym_api import INFO_KEYS
 
 HORIZON = 7  # decisions an episode: several autoresets in every flight
 STEPS = 24
@@ -219,7 +219,7 @@ def flying() -> SatInertiaIDVectorEnv:
 
 
 def state_of(env: SatInertiaIDVectorEnv) -> bytes:
-    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observations)
+    records = env.fleet.rows
     generators = [g.bit_generator.state for g in env.np_random]
     return b"".join(record.tobytes() for record in records) + repr((generators, env.np_random_seed)).encode()
 

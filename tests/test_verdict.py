@@ -6,10 +6,10 @@ import sys
 
 import pytest
 
-from agents import verdict
-from agents.readme import RESULTS
-from agents.verdict import CLOSED_LOOPS, UNSEEN, benchmark_claims, needed_efficiency, tight_claims
-from baselines.ending import ended
+from agents.benchmark import acceptance
+from agents.benchmark.acceptance import CLOSED_LOOPS, UNSEEN, benchmark_claims, needed_efficiency, tight_claims
+from agents.docs.readme import RESULTS
+from baselines.command.cli import ended
 from satid_gym import SATELLITES
 from satid_gym.policies import BASELINES, make_baseline
 from satid_gym.profiles import PROFILES
@@ -94,7 +94,7 @@ def test_a_closed_loop_that_is_better_is_seen():
 
 
 def test_what_a_third_would_take():
-    # a quarter of the best profile's error at 0.8 of the ideal: three quarters of that for a third
+    # a quarter of the best profile's error at 0.8 of the limit: three quarters of that for a third
     assert needed_efficiency(results(cell()), "own") == [pytest.approx(0.6)]
 
 
@@ -133,9 +133,9 @@ def judge(folder, capsys, monkeypatch):
     def flown(*_, **__):
         raise AssertionError("work had begun")
 
-    monkeypatch.setattr(verdict, "fly", flown)
+    monkeypatch.setattr(acceptance, "fly", flown)
     monkeypatch.setattr(sys, "argv", ["verdict", "--results", str(folder)])
-    code = ended(verdict.main)
+    code = ended(acceptance.main)
     return code, capsys.readouterr().err
 
 
@@ -164,7 +164,7 @@ def test_a_smaller_comparison_is_refused_with_what_is_missing(keep, lacks, tmp_p
     assert code == 2
     assert errors.count("\n") == 1
     assert lacks in errors
-    assert errors.endswith(f"run python -m agents.compare --scenario default --output {tmp_path}\n")
+    assert errors.endswith(f"run python -m agents.compare --all --scenario default --output {tmp_path}\n")
 
 
 @pytest.mark.parametrize(

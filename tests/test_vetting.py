@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import chi2
 
 from satid_gym import ReactionWheels, simulate
-from satid_gym.estimators import Briefing, FilterpyMomentumEKF, MomentumEKF, brief
-from satid_gym.scenario import SCENARIOS
+from satid_gym.estimators import FilterPrior, FilterpyMomentumEKF, MomentumEKF
+from satid_gym.scenario import SCENARIOS, prior_of
 
 DT, GATE = 0.1, 1e-6
 
@@ -76,12 +76,12 @@ def assert_same(fast, slow) -> None:
 def test_every_step_is_filterpys(story, shape, request):
     name, parameters, substeps = shape
     satellite = request.getfixturevalue(name)
-    briefing = brief(satellite, SCENARIOS["default"])
+    prior = prior_of(satellite, SCENARIOS["default"])
     settings = {"parameters": parameters, "substeps": substeps, "gate": GATE}
     fast, slow = MomentumEKF(**settings), FilterpyMomentumEKF(**settings)
     gyro, tachometer, torque = readings(satellite, STORIES[story])
     for filter in (fast, slow):
-        filter.reset(briefing, gyro[0], tachometer[0])
+        filter.reset(prior, gyro[0], tachometer[0])
     for i, commanded in enumerate(torque, start=1):
         for filter in (fast, slow):
             filter.command(commanded)
@@ -89,7 +89,7 @@ def test_every_step_is_filterpys(story, shape, request):
         assert_same(fast, slow)
         assert fast.update(gyro[i], tachometer[i]) == pytest.approx(slow.update(gyro[i], tachometer[i]), rel=1e-6)
         assert_same(fast, slow)
-    assert fast.guarded == 0  # which filterpy's does not know
+    assert fast.constrained_updates == 0  # which filterpy's does not know
 
 
 # by hand: a ball of known inertia with three wheels along its axes, whose M - a is 6 kg m^2 times its rate
@@ -101,13 +101,13 @@ EDGE = float(chi2.isf(GATE, 3))
 
 def rejected(filter: MomentumEKF) -> int:
     """What `info["rejected"]` counts."""
-    return int(filter._rows["rejected"][0])
+    return int(filter.records["rejected"][0])
 
 
 def resting(gyro=(0.0, 0.0, 0.0), tachometer_noise_std: float = 1e-12) -> MomentumEKF:
     """The filter after its first reading, with the wheels at rest and no torque from outside."""
     filter = MomentumEKF(gate=GATE, inertia_walk=0.0, disturbance_walk=0.0)
-    briefing = Briefing(
+    prior = FilterPrior(
         wheels=WHEELS,
         inertia=BALL * np.eye(3),
         prior_std=0.0,
@@ -116,7 +116,7 @@ def resting(gyro=(0.0, 0.0, 0.0), tachometer_noise_std: float = 1e-12) -> Moment
         tachometer_noise_std=tachometer_noise_std,
         disturbance_std=0.0,
     )
-    filter.reset(briefing, np.array(gyro), np.zeros(3))
+    filter.reset(prior, np.array(gyro), np.zeros(3))
     return filter
 
 

@@ -11,33 +11,32 @@ from test_consistency import fly as fly_cell
 from test_consistency import square_wave
 from test_filters import DT, assert_equal_filters, fly, run_slowly
 
-from baselines.recording import record
+from baselines.studies.recording import record
 from satid_gym import InertiaLaw, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.estimators import (
     AdaptiveEKF,
-    AdaptiveEKFSettings,
     FilterpyAdaptiveEKF,
     MomentumEKF,
+    MomentumEKFSettings,
     RateEKF,
-    brief,
     estimator_settings,
 )
 from satid_gym.evaluation import fly as fly_policy
 from satid_gym.evaluation import seeds
-from satid_gym.interface import INFO_KEYS
+from satid_gym.gym_api import INFO_KEYS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario import SCENARIOS, prior_of
 
 SECOND = round(1.0 / DT)
 
 
 def walks(ekf: AdaptiveEKF, readings) -> tuple[np.ndarray, np.ndarray]:
     """(N - 1,) the walk that each prediction took and the steps found after each update."""
-    ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    ekf.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
     series = []
     for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
         ekf.predict(speed, DT)
@@ -48,13 +47,17 @@ def walks(ekf: AdaptiveEKF, readings) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(
     "settings",
-    [{"walk_drift": 1.0}, {"least_walk": 0.01, "parameters": "full"}, {"inertia_walk": 0.0, "least_walk": 0.001}],
+    [
+        {"log_q_drift": 1.0},
+        {"inertia_walk_min": 0.01, "parameters": "full"},
+        {"inertia_walk": 0.0, "inertia_walk_min": 0.001},
+    ],
 )
 @pytest.mark.parametrize("mode", ["static", "step"])
 def test_a_short_flight_is_filterpys(settings, mode, microsat):
     """With walks that change often, from far above the least one and from below it."""
     readings = fly(microsat, mode, seconds=40)
-    run = AdaptiveEKF(**settings).run(readings.briefing, readings.gyro, readings.wheel_speed, DT)
+    run = AdaptiveEKF(**settings).run(readings.prior, readings.gyro, readings.wheel_speed, DT)
     assert_equal_filters(run, run_slowly(FilterpyAdaptiveEKF(**settings), readings), 1e-8)
 
 
@@ -67,7 +70,7 @@ def test_steps_are_found_as_filterpys(microsat):
     ekf, reference = AdaptiveEKF(), FilterpyAdaptiveEKF()
     found, fastest = [], 0.0
     for filter in (ekf, reference):
-        filter.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+        filter.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
     for gyro, speed, at in zip(readings.gyro[1:], readings.wheel_speed[1:], time[1:], strict=True):
         before = ekf.steps
         for filter in (ekf, reference):
@@ -89,21 +92,21 @@ def test_its_derivatives_are_those_of_filters_of_nearby_walks(microsat):
     readings, walk, apart = fly(microsat, "drift"), 0.001, 1e-3
     more, less = (
         MomentumEKF(inertia_walk=walk * np.exp(0.5 * sign * apart)).run(
-            readings.briefing, readings.gyro, readings.wheel_speed, DT
+            readings.prior, readings.gyro, readings.wheel_speed, DT
         )
         for sign in (1.0, -1.0)
     )
     theta = (more.inertia - less.inertia) / (2.0 * apart)
     covariance = (more.inertia_covariance - less.inertia_covariance) / (2.0 * apart)
     ekf = AdaptiveEKF(inertia_walk=walk)
-    ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
-    parameter = ekf._rows["walk_parameter"].copy()
+    ekf.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
+    parameter = ekf.record["adaptation"]["log_q"].copy()
     own = []
     for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
         ekf.predict(speed, DT)
         ekf.update(gyro, speed)
-        ekf._rows["walk_parameter"] = parameter
-        row = ekf._rows[0]
+        ekf.record["adaptation"]["log_q"] = parameter
+        row = ekf.record["adaptation"]
         own.append(np.concatenate([row["theta_slope"], np.diag(row["covariance_slope"])]))
     settled = slice(60 * SECOND, None)
     for k in range(3):
@@ -124,10 +127,10 @@ def test_it_finds_the_walk_of_a_truth_that_walks(walk):
         estimator={"name": "momentum", "inertia_walk": walk},
         as_modelled=True,
     )
-    briefing, found = brief(SATELLITES["microsat"], SCENARIOS["default"]), []
+    prior, found = prior_of(SATELLITES["microsat"], SCENARIOS["default"]), []
     for gyro, speed in zip(flights.gyro, flights.tachometer, strict=True):
         ekf = AdaptiveEKF()
-        ekf.reset(briefing, gyro[0], speed[0])
+        ekf.reset(prior, gyro[0], speed[0])
         for i in range(1, len(gyro)):
             ekf.predict(speed[i], DT)
             ekf.update(gyro[i], speed[i])
@@ -150,17 +153,17 @@ def test_it_finds_what_holds(microsat):
 
 def test_a_wild_reading_is_guarded_and_counted_once(microsat):
     ekf = AdaptiveEKF()
-    ekf.reset(brief(microsat, SCENARIOS["default"]), (0.02, 0.02, 0.02), (50.0, -50.0, 50.0))
+    ekf.reset(prior_of(microsat, SCENARIOS["default"]), (0.02, 0.02, 0.02), (50.0, -50.0, 50.0))
     ekf.predict((-150.0, -250.0, -150.0), DT)
-    assert ekf.guarded == 0
+    assert ekf.constrained_updates == 0
     ekf.update((30.0, -30.0, 30.0), (-150.0, -250.0, -150.0))
-    assert ekf.guarded == 1
+    assert ekf.constrained_updates == 1
 
 
 def test_a_reading_that_no_walk_explains_is_taken_in_with_theta_uncertain_again(microsat):
     readings = fly(microsat, "static", seconds=60)
     ekf = AdaptiveEKF()
-    ekf.reset(readings.briefing, readings.gyro[0], readings.wheel_speed[0])
+    ekf.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
     for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
         ekf.predict(speed, DT)
         ekf.update(gyro, speed)
@@ -249,7 +252,7 @@ BLIND = {
 
 def test_without_a_gyro_reading_it_predicts_alone():
     """Its uncertainty grows, that of the walk too, and the walk stays."""
-    env = SatInertiaIDEnv(inertia="periodic", scenario=BLIND, estimator={"name": "adaptive", "walk_drift": 0.01})
+    env = SatInertiaIDEnv(inertia="periodic", scenario=BLIND, estimator={"name": "adaptive", "log_q_drift": 0.01})
     env.reset(seed=0)
     part = env.layout["uncertainty"]
     rng = np.random.default_rng(0)
@@ -257,8 +260,8 @@ def test_without_a_gyro_reading_it_predicts_alone():
     for _ in range(75):
         observation, *_ = env.step(rng.uniform(-0.2, 0.2, 3).astype(np.float32))
         spread.append(observation[part])
-        variance.append(env._beliefs["walk_parameter_variance"][0])
-        parameter.append(env._beliefs["walk_parameter"][0])
+        variance.append(env.fleet.rows.beliefs["adaptation"]["log_q_variance"][0])
+        parameter.append(env.fleet.rows.beliefs["adaptation"]["log_q"][0])
     blind = slice(31, 69)
     assert (np.diff(spread[blind], axis=0) > 0.0).all()
     assert len(set(parameter[blind])) == 1
@@ -268,8 +271,8 @@ def test_without_a_gyro_reading_it_predicts_alone():
 
 def test_without_a_gyro_reading_it_is_filterpys():
     settings = {"inertia": "static", "scenario": BLIND, "max_episode_steps": 300}
-    compiled = SatInertiaIDEnv(estimator={"name": "adaptive", "walk_drift": 0.5}, **settings)
-    plugged = SatInertiaIDEnv(estimator=FilterpyAdaptiveEKF(walk_drift=0.5), **settings)
+    compiled = SatInertiaIDEnv(estimator={"name": "adaptive", "log_q_drift": 0.5}, **settings)
+    plugged = SatInertiaIDEnv(estimator=FilterpyAdaptiveEKF(log_q_drift=0.5), **settings)
     for env in (compiled, plugged):
         env.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-0.2, 0.2, (75, 3)).astype(np.float32)
@@ -282,14 +285,13 @@ def test_without_a_gyro_reading_it_is_filterpys():
 def test_planners_are_told_of_the_filter_that_is_flown():
     for estimator in ("adaptive", {"name": "momentum", "inertia_walk": 0.001}):
         (mission,) = missions(SatInertiaIDEnv(estimator=estimator).problem)
-        told = estimator_settings(mission.scenario.estimator)
-        assert told == estimator_settings(estimator).replace(parameters="principal")
+        assert mission.estimator == estimator_settings(estimator).replace(parameters="principal")
 
 
-@pytest.mark.parametrize("own", [FilterpyAdaptiveEKF(walk_drift=0.1), MomentumEKF(inertia_walk=0.001), RateEKF()])
+@pytest.mark.parametrize("own", [FilterpyAdaptiveEKF(log_q_drift=0.1), MomentumEKF(inertia_walk=0.001), RateEKF()])
 def test_planners_are_told_of_a_plugged_in_filter_of_the_library(own):
     (mission,) = missions(SatInertiaIDEnv(estimator=own).problem)
-    assert estimator_settings(mission.scenario.estimator) == own.settings.replace(parameters="principal")
+    assert mission.estimator == own.settings.replace(parameters="principal")
 
 
 def test_an_inertia_that_walks_faster_than_most_walk_is_followed_once_that_is_raised(microsat):
@@ -297,7 +299,7 @@ def test_an_inertia_that_walks_faster_than_most_walk_is_followed_once_that_is_ra
     law = InertiaLaw("periodic", size=0.3, frequency=0.2)
     nees = {}
     for most in (0.02, 0.2):
-        policy, estimator = RateSquarePolicy(24.0, 2.75), {"name": "adaptive", "most_walk": most}
+        policy, estimator = RateSquarePolicy(24.0, 2.75), {"name": "adaptive", "inertia_walk_max": most}
         flight = fly_policy(policy, satellite=microsat, inertia=law, seeds=seeds("validation", 4), estimator=estimator)
         nees[most] = float(flight.scores()["nees"].mean())
     assert nees[0.02] > 2.0 * nees[0.2]
@@ -307,25 +309,28 @@ def test_an_inertia_that_walks_faster_than_most_walk_is_followed_once_that_is_ra
     ("settings", "message"),
     [
         ({"inertia_walk": -0.001}, "inertia_walk must be"),
-        ({"least_walk": 0.0}, "least_walk must be"),
-        ({"walk_drift": -1.0}, "walk_drift must be"),
+        ({"inertia_walk_min": 0.0}, "inertia_walk_min must be"),
+        ({"log_q_drift": -1.0}, "log_q_drift must be"),
         ({"inertia_walks": (0.0, 0.001)}, "unknown setting"),
         ({"substeps": 0}, "substeps must be"),
         ({"parameters": "ful"}, "unknown parameters"),
-        ({"gate": 1e-6}, "unknown setting"),
-        ({"inertia_walk": 0.021}, "inertia_walk of the AdaptiveEKF must be at most most_walk, 0.02, got 0.021"),
-        ({"least_walk": 0.03}, "raise most_walk as well"),
-        ({"most_walk": 0.0}, "most_walk must be"),
+        ({"gate": 0.2}, "gate must be"),
+        (
+            {"inertia_walk": 0.021},
+            "inertia_walk of an adaptive MomentumEKF must be at most .*, 0.02, got 0.021",
+        ),
+        ({"inertia_walk_min": 0.03}, "raise inertia_walk_max as well"),
+        ({"inertia_walk_max": 0.0}, "inertia_walk_max must be"),
     ],
 )
 def test_bad_settings_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
-        AdaptiveEKFSettings.from_dict(settings)
+        MomentumEKFSettings.from_dict({"adaptive": True, **settings})
 
 
 def test_settings_are_plain_values():
-    settings = AdaptiveEKFSettings(inertia_walk=0.01, walk_drift=1)
-    assert AdaptiveEKFSettings.from_dict(settings.to_dict()) == settings
+    settings = MomentumEKFSettings(adaptive=True, inertia_walk=0.01, log_q_drift=1)
+    assert MomentumEKFSettings.from_dict(settings.to_dict()) == settings
     assert SatInertiaIDEnv(estimator=settings.to_dict()).problem.estimator == settings.replace(parameters="principal")
-    default = AdaptiveEKFSettings(parameters="principal")
+    default = MomentumEKFSettings(adaptive=True, parameters="principal")
     assert SatInertiaIDEnv(scenario={"estimator": "adaptive"}).problem.estimator == default

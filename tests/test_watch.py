@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from agents import watch
-from agents.dashboard import bar, dashboard, sparkline, verdict
-from agents.pilot import Pairing
-from baselines.ending import ended
+from agents.viewer import watch
+from agents.viewer.dashboard import bar, dashboard, sparkline, summary
+from agents.viewer.rollout import Pairing
+from baselines.command.cli import ended
 from tests.faults import heed_interrupts
 
 PAIRING = Pairing(policy="generalist", horizon=20.0)
@@ -29,9 +29,9 @@ def terminal(width: int = 100, **settings) -> Console:
     return Console(file=io.StringIO(), width=width, height=24, force_terminal=True, record=True, **settings)
 
 
-def shown(pilots, width: int = 100) -> str:
+def shown(rollouts, width: int = 100) -> str:
     console = terminal(width)
-    console.print(dashboard(pilots, TITLE, width))
+    console.print(dashboard(rollouts, TITLE, width))
     return console.export_text()
 
 
@@ -66,55 +66,55 @@ def test_a_bar_points_to_its_value():
 
 
 def test_the_view_is_the_state():
-    pilots = PAIRING.pilots()
-    before = shown(pilots)
+    rollouts = PAIRING.rollouts()
+    before = shown(rollouts)
     for _ in range(20):
-        for pilot in pilots:
-            pilot.step()
-    after = shown(pilots)
+        for rollout in rollouts:
+            rollout.step()
+    after = shown(rollouts)
     assert "0 of 20 s" in before
     assert "20 of 20 s" in after
     for label, key, index in (("axis y", "rate", 1), ("wheel 3", "wheel_speed", 2)):
-        state = [pilot.history[key][-1][index] for pilot in pilots]
+        state = [rollout.history[key][-1][index] for rollout in rollouts]
         assert numbers(after, label) == pytest.approx(state, abs=0.0051)
         assert numbers(before, label) != numbers(after, label)
-    std = [100.0 * pilot.history["std"][-1][2] for pilot in pilots]
+    std = [100.0 * rollout.history["std"][-1][2] for rollout in rollouts]
     assert numbers(after, "Jzz") == pytest.approx(std, abs=0.051)
     assert max(std) < 0.3 * min(numbers(before, "Jzz"))
-    assert f"{100 * pilots[0].error:.3f} %" in after
-    assert f"gained {pilots[1].history['information'][-1]:.0f} nats" in after
-    assert f"outside {100 * pilots[0].outside:.1f} %" in after
-    assert verdict(pilots) in after
+    assert f"{100 * rollouts[0].error:.3f} %" in after
+    assert f"gained {rollouts[1].history['information'][-1]:.0f} nats" in after
+    assert f"outside {100 * rollouts[0].outside:.1f} %" in after
+    assert summary(rollouts) in after
 
 
 def test_the_verdict_names_the_better():
-    pilots = PAIRING.pilots()
-    for pilot, error in zip(pilots, (0.04, 0.01), strict=True):
-        pilot.history["relative_error"][:] = [0.3, error]
-    assert verdict(pilots) == "mean error: generalist 4.000 % (4.0 times larger), multi_step 1.000 %"
+    rollouts = PAIRING.rollouts()
+    for rollout, error in zip(rollouts, (0.04, 0.01), strict=True):
+        rollout.history["relative_error"][:] = [0.3, error]
+    assert summary(rollouts) == "mean error: generalist 4.000 % (4.0 times larger), multi_step 1.000 %"
 
 
 @pytest.mark.parametrize("width", [76, 80, 100, 200])
 def test_the_view_fits_a_terminal(width):
-    pilots = PAIRING.pilots()
-    lines = shown(pilots, width).rstrip("\n").splitlines()
+    rollouts = PAIRING.rollouts()
+    lines = shown(rollouts, width).rstrip("\n").splitlines()
     assert len(lines) <= 23
     assert max(map(len, lines)) <= width
 
 
 def test_it_plays_to_the_end_in_a_terminal():
     console = terminal()
-    pilots = PAIRING.pilots()
-    watch.watch(pilots, TITLE, 1e6, console)
+    rollouts = PAIRING.rollouts()
+    watch.watch(rollouts, TITLE, 1e6, console)
     text = console.export_text()
-    assert all(pilot.over for pilot in pilots)
+    assert all(rollout.over for rollout in rollouts)
     assert "20 of 20 s" in text
-    assert verdict(pilots) in text
+    assert summary(rollouts) in text
 
 
 def test_speed_is_kept():
     start = time.perf_counter()
-    watch.watch(PAIRING.pilots(), TITLE, 40.0, terminal())
+    watch.watch(PAIRING.rollouts(), TITLE, 40.0, terminal())
     assert 0.5 <= time.perf_counter() - start < 2.0
 
 
@@ -126,15 +126,15 @@ def test_without_a_terminal_it_prints_lines(kind, monkeypatch):
     file = io.TextIOWrapper(buffer, encoding="ascii" if kind == "ascii" else "utf-8")
     console = Console(file=file, width=60, force_terminal=kind != "a file")
     assert not watch.draws(console)
-    pilots = PAIRING.pilots()
-    watch.watch(pilots, TITLE, 1.0, console)  # and does not wait
+    rollouts = PAIRING.rollouts()
+    watch.watch(rollouts, TITLE, 1.0, console)  # and does not wait
     file.flush()
     lines = buffer.getvalue().decode("ascii").splitlines()
     assert len(lines) == 12
     assert [float(line.split(" s |")[0]) for line in lines[1:-1]] == list(range(2, 21, 2))
-    for pilot in pilots:
-        assert f"{pilot.name}: error {100 * pilot.error:.3f} %" in lines[-2]
-    assert lines[-1] == verdict(pilots)
+    for rollout in rollouts:
+        assert f"{rollout.name}: error {100 * rollout.error:.3f} %" in lines[-2]
+    assert lines[-1] == summary(rollouts)
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""The paper's study, whole: `python -m baselines.paper` (El Hariry et al., arXiv 2510.16738)."""
+"""Rerun of the paper's study (El Hariry et al., arXiv 2510.16738): `python -m baselines.paper`."""

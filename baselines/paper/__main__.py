@@ -1,7 +1,7 @@
-"""Reruns the paper's study and writes tables, figures and a page.
+"""Rerun of the paper's study, with tables, figures and a page: `python -m baselines.paper`.
 
-Every profile on every satellite with static and time-varying inertia, the paper's two estimators and ours on
-the same readings. Two to three minutes on two cores.
+It flies every profile on every satellite with static and time-varying inertia, and runs the paper's two estimators and
+ours on the same readings. It takes two to three minutes on two cores.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Any
 
 import tyro
 
-from baselines.ending import ended, refusal
-from baselines.paper import figure_bars, figure_horizon, figure_pipeline, figure_profiles
+from baselines.command.cli import ended, refusal
+from baselines.command.provenance import command, revision, versions
 from baselines.paper.exceedance import ekf_exceedances
+from baselines.paper.figures import bars, horizon, pipeline, profiles
 from baselines.paper.page import page
-from baselines.paper.study import HORIZON, Run, horizon_jobs, run_all, table_jobs
+from baselines.paper.study import HORIZON, EpisodeScore, horizon_jobs, run_all, table_jobs
 from baselines.paper.summary import cells, checks, finite
 from baselines.paper.world import MOMENTUM_SETTINGS, scenario
-from baselines.provenance import command, revision, versions
 from satid_gym.config import check_whole
 from satid_gym.estimators import RateEKFSettings
 from satid_gym.evaluation import seeds
@@ -33,25 +33,25 @@ from satid_gym.files import check_writable, write_json, write_text
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study:
-    """How much to run, and where to write."""
+class PaperStudy:
+    """Settings of the study."""
 
     seeds: int = 10
     """Episodes of each cell."""
     output: Path = Path("results/paper")
-    """Folder for everything."""
+    """Folder for all results."""
 
 
 def main() -> int:
-    """Run what the command line asks for; the exit code."""
-    study = tyro.cli(Study, description=__doc__)
+    """Run the study of the command line; returns the exit code."""
+    study = tyro.cli(PaperStudy, description=__doc__)
     with refusal():
         check_whole("seeds", study.seeds)
     return run(study)
 
 
-def run(study: Study) -> int:
-    """Run and write; 0 where the study showed what it was to show, else 1."""
+def run(study: PaperStudy) -> int:
+    """Run the study and write its results; returns 0 if all checks are met, else 1."""
     check_writable(study.output)
     start = time.perf_counter()
     jobs = [*table_jobs(study.seeds), *horizon_jobs(study.seeds)]
@@ -85,10 +85,10 @@ def run(study: Study) -> int:
             "runs": [_plain(dataclasses.asdict(run)) for run in runs],
         },
     )
-    figure_profiles.draw(study.output)
-    figure_pipeline.draw(study.output, used)
-    figure_bars.draw(study.output, found)
-    figure_horizon.draw(study.output, _static(runs))
+    profiles.draw(study.output)
+    pipeline.draw(study.output, used)
+    bars.draw(study.output, found)
+    horizon.draw(study.output, _static(runs))
     write_text(study.output / "paper.md", page(found, _static(runs), met, exceedances, provenance))
     for check in met:
         print(f"{'met    ' if check.met else 'NOT MET'}  {check.claim}: {check.found}")
@@ -96,12 +96,12 @@ def run(study: Study) -> int:
     return 0 if all(check.met for check in met) else 1
 
 
-def _static(runs: Sequence[Run]) -> list[Run]:
+def _static(runs: Sequence[EpisodeScore]) -> list[EpisodeScore]:
     return [run for run in runs if run.inertia_mode == "static"]
 
 
 def _plain(record: dict[str, Any]) -> dict[str, Any]:
-    """With None for what is not a number."""
+    """Record with None for values that are not finite."""
     return {name: finite(value) if isinstance(value, float) else value for name, value in record.items()}
 
 

@@ -1,4 +1,4 @@
-"""Why the EKF is worse than the paper's in some static cells: a measurement, not a guess."""
+"""Exceedances: static cells in which our EKF is worse than the paper's, and their cause, measured."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.paper.flight import fly
-from baselines.paper.study import relative_error
-from baselines.paper.summary import Cell
-from baselines.paper.world import briefing
+from baselines.paper.flight import fly_profile
+from baselines.paper.summary import CellScore
+from baselines.paper.world import prior
 from satid_gym.estimators import RateEKF, RateEKFSettings
+from satid_gym.estimators.inertia import inertia_tensors
+from satid_gym.metrics import relative_error
 
 WIDER_PRIOR = 10.0  # kg m^2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exceedance:
-    """One static cell in which our EKF is worse than the paper's; errors in %.
+    """Static cell in which our EKF is worse than the paper's; errors in %.
 
     Attributes:
-        profile, satellite: which.
+        profile, satellite: the cell.
         paper, ours: mean errors.
         wider_prior: mean error of the same filter with a prior std of 10 kg m^2 instead of 1.
-        guess_off: largest distance of the first guess from the truth over the prior std.
+        guess_off: largest distance of the first guess from the truth, in prior standard deviations.
     """
 
     profile: str
@@ -35,23 +36,23 @@ class Exceedance:
     guess_off: float
 
 
-def ekf_exceedances(found: Sequence[Cell], seeds: Sequence[int]) -> list[Exceedance]:
-    """The static cells where our EKF exceeds the paper's error, flown again with a wider prior."""
+def ekf_exceedances(found: Sequence[CellScore], seeds: Sequence[int]) -> list[Exceedance]:
+    """Exceedances among the static cells, each filtered again with a wider prior."""
     explained = []
     for cell in found:
         if (cell.plant, cell.inertia_mode, cell.method) != ("varying", "static", "ekf"):
             continue
         if cell.paper is None or cell.mean <= cell.paper:
             continue
-        flight = fly(cell.satellite, "static", cell.profile, seeds)
-        known = briefing(cell.satellite)
-        truth = np.diagonal(flight.inertia[:, 0], axis1=1, axis2=2)
+        flight = fly_profile(cell.satellite, "static", cell.profile, seeds)
+        known = prior(cell.satellite)
+        truth = flight.inertia[:, 0]
         errors = []
         for row in range(len(seeds)):
             wide = RateEKF(prior_inertia_std=WIDER_PRIOR)
             run = wide.run(known, flight.gyro[:, row], flight.wheel_speed[:, row], flight.dt)
-            errors.append(100.0 * relative_error(run.inertia, truth)[-1])
-        off = np.abs(np.diag(known.inertia) - truth[-1]) / RateEKFSettings().prior_inertia_std
+            errors.append(100.0 * relative_error(inertia_tensors(run.inertia), truth)[-1])
+        off = np.abs(np.diag(known.inertia) - np.diag(truth[-1])) / RateEKFSettings().prior_inertia_std
         explained.append(
             Exceedance(
                 profile=cell.profile,

@@ -1,4 +1,4 @@
-"""Flights of the paper's profiles in the environment, with every reading kept."""
+"""Flights of the paper's profiles in the environment, with every reading."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from satid_gym.vector import SatInertiaIDVectorEnv
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Flight:
+class ProfileFlight:
     """Readings and truth of S episodes of N decisions; body frame, SI units.
 
     Attributes:
@@ -24,9 +24,9 @@ class Flight:
         wheel_speed: (N + 1, S, n) reading, rad/s.
         rate: (N + 1, S, 3) true body rate, rad/s.
         inertia: (N + 1, S, 3, 3) true, kg m^2.
-        commanded: (N, n) motor torque asked for, N m.
+        commanded: (N, n) commanded motor torque, N m.
         applied: (N, S, n) mean motor torque of each decision, N m.
-        saturated: (N, S, n) whether the wheel was at its speed limit in the decision.
+        saturated: (N, S, n) whether the wheel was at its speed limit during the decision.
     """
 
     satellite: str
@@ -41,20 +41,20 @@ class Flight:
 
     @property
     def dt(self) -> float:
-        """s between readings."""
+        """Time between readings, s."""
         return float(self.time[1] - self.time[0])
 
     @property
     def horizon(self) -> float:
-        """s."""
+        """Length of the flight, s."""
         return float(self.time[-1])
 
 
-def fly(satellite: str, mode: str, profile: str, seeds: Sequence[int], horizon: float = 300.0) -> Flight:
-    """Fly a profile at the paper's amplitude, once for each seed.
+def fly_profile(satellite: str, mode: str, profile: str, seeds: Sequence[int], horizon: float = 300.0) -> ProfileFlight:
+    """Flight of a profile at the paper's amplitude, one episode per seed.
 
     Raises:
-        RuntimeError: an episode ended early, so that its readings are not the whole record.
+        RuntimeError: an episode ended early, so its record is incomplete.
     """
     world = scenario(horizon)
     env = SatInertiaIDVectorEnv(len(seeds), satellite, mode, world, num_threads=1)
@@ -73,7 +73,7 @@ def fly(satellite: str, mode: str, profile: str, seeds: Sequence[int], horizon: 
         applied.append(info["torque_applied"])
         saturated.append(info["saturated"])
     env.close()
-    return Flight(
+    return ProfileFlight(
         satellite=satellite,
         time=world.decision_period * np.arange(world.decisions + 1),
         gyro=np.array([plant["gyro"] for plant in plants]),

@@ -1,7 +1,7 @@
-"""The estimators of the study: the paper's two, and ours on the same readings.
+"""Estimators of the study: the paper's two, and ours on the same readings.
 
-"ls_alike" is the paper's LS with wheel accelerations from the same central differences as the rates'; it is
-there to measure what the difference between the two costs, and stands in no table.
+"ls_alike" is the paper's LS with wheel accelerations from the same central differences as those of the rates. It
+measures the cost of that mismatch in the paper's LS and is in no table.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.paper.flight import Flight
-from baselines.paper.world import MOMENTUM_SETTINGS, briefing
+from baselines.paper.flight import ProfileFlight
+from baselines.paper.world import MOMENTUM_SETTINGS, prior
 from satid_gym.estimators import FilterRun, MomentumEKF, MomentumSmoother, RateEKF
 from satid_gym.estimators.least_squares import (
     InertiaFit,
@@ -37,7 +37,7 @@ OUR_METHODS = ("momentum_ls", "output_error", "momentum_ekf", "momentum_rts")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
-    """What one estimator makes of one record.
+    """Estimate of one estimator from one record.
 
     Attributes:
         inertia: (N + 1, 3) estimated principal moments at each reading, kg m^2; NaN where not identified.
@@ -50,15 +50,15 @@ class Estimate:
     condition: float | None = None
 
 
-def wheel_acceleration(flight: Flight, row: int) -> np.ndarray:
-    """(N + 1, n) rad/s^2 that the wheels have up to each reading: the motor torque's sample in the paper."""
+def wheel_acceleration(flight: ProfileFlight, row: int) -> np.ndarray:
+    """Wheel acceleration (N + 1, n), rad/s^2, in the interval before each reading, as in the paper."""
     change = np.diff(flight.wheel_speed[:, row], axis=0, prepend=flight.wheel_speed[:1, row])
     return change / flight.dt
 
 
-def estimate(flight: Flight, row: int, methods: tuple[str, ...] = tuple(METHODS)) -> dict[str, Estimate]:
+def estimate(flight: ProfileFlight, row: int, methods: tuple[str, ...] = tuple(METHODS)) -> dict[str, Estimate]:
     """Estimates of one episode, by method."""
-    known = briefing(flight.satellite, flight.horizon)
+    known = prior(flight.satellite, flight.horizon)
     record = known, flight.gyro[:, row], flight.wheel_speed[:, row], flight.dt
     found: dict[str, Estimate] = {}
     if "ls" in methods:
@@ -67,7 +67,7 @@ def estimate(flight: Flight, row: int, methods: tuple[str, ...] = tuple(METHODS)
     if "ls_alike" in methods:
         found["ls_alike"] = _batch(flight, lambda: differentiated(*record))
     if "ekf" in methods:
-        found["ekf"] = _course(RateEKF().run(*record))
+        found["ekf"] = _filtered(RateEKF().run(*record))
     if "momentum_ls" in methods:
         found["momentum_ls"] = _batch(flight, lambda: momentum_form(*record))
     if "output_error" in methods:
@@ -76,21 +76,21 @@ def estimate(flight: Flight, row: int, methods: tuple[str, ...] = tuple(METHODS)
         settings = MOMENTUM_SETTINGS.to_dict()
         forward = MomentumEKF(**settings).run(*record)
         if "momentum_ekf" in methods:
-            found["momentum_ekf"] = _course(forward)
+            found["momentum_ekf"] = _filtered(forward)
         if "momentum_rts" in methods:
             smoothed = MomentumSmoother(**settings).correct(forward, known, record[2], flight.dt)
-            found["momentum_rts"] = _course(smoothed)
+            found["momentum_rts"] = _filtered(smoothed)
     return found
 
 
-def _course(run: FilterRun) -> Estimate:
+def _filtered(run: FilterRun) -> Estimate:
     return Estimate(
         inertia=run.inertia, std=np.sqrt(np.diagonal(run.inertia_covariance, axis1=1, axis2=2)), condition=None
     )
 
 
-def _batch(flight: Flight, solve: Callable[[], InertiaFit]) -> Estimate:
-    """One estimate for the whole record; NaN, which the tables show, where the data do not identify it."""
+def _batch(flight: ProfileFlight, solve: Callable[[], InertiaFit]) -> Estimate:
+    """One estimate for the whole record; NaN, shown in the tables, if the data do not identify the inertia."""
     shape = len(flight.time), 3
     try:
         fit = solve()

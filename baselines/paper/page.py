@@ -1,4 +1,4 @@
-"""The study as one Markdown page."""
+"""Markdown page of the study."""
 
 from __future__ import annotations
 
@@ -7,34 +7,35 @@ from typing import Any
 
 import numpy as np
 
+from baselines.command.markdown import table as markdown_table
 from baselines.paper.exceedance import WIDER_PRIOR, Exceedance
-from baselines.paper.figure_style import TITLES
+from baselines.paper.figures.style import TITLES
 from baselines.paper.methods import METHODS
-from baselines.paper.study import HORIZON, HORIZONS, PLANTS, Run
-from baselines.paper.summary import MODES, Cell, Check
-from baselines.paper.tables import condition_table, dynamic_table, markdown, number, record_table, static_table
-from baselines.paper.world import briefing, scenario
+from baselines.paper.study import HORIZON, HORIZONS, PLANTS, EpisodeScore
+from baselines.paper.summary import MODES, CellScore, Check
+from baselines.paper.tables import condition_table, dynamic_table, number, record_table, static_table
+from baselines.paper.world import prior, scenario
 from satid_gym.laws import paper_law
-from satid_gym.plant import law_inertia
-from satid_gym.satellite import SATELLITES
+from satid_gym.satellite import BENCHMARK_SATELLITES
+from satid_gym.templates import law_inertia
 
 
 def page(
-    found: Sequence[Cell],
-    horizon_runs: Sequence[Run],
+    found: Sequence[CellScore],
+    horizon_runs: Sequence[EpisodeScore],
     checks: Sequence[Check],
     exceedances: Sequence[Exceedance],
     provenance: Mapping[str, Any],
 ) -> str:
-    """Everything on one page; figures lie beside it."""
+    """Page with all tables; its figures are files in the same folder."""
     parts = [
         "# The paper's study, rerun",
         "El Hariry, Franzese, Olivares-Mendez, *Towards Active Excitation-Based Dynamic Inertia Identification in "
         "Satellites*, arXiv 2510.16738. All errors are relative errors of the inertia in %, mean ± standard "
         f"deviation over {provenance['seeds']['count']} seeds; the best of each group of columns is bold. "
         f"`{provenance['command']}`, revision {provenance['revision']}.",
-        "## What it was to show",
-        markdown(
+        "## Checks",
+        markdown_table(
             ["claim", "found", "met"],
             [[check.claim, check.found, "yes" if check.met else "**no**"] for check in checks],
             3,
@@ -55,7 +56,7 @@ def page(
         _dynamic_notes(found),
         "### The plant truly varies",
     ]
-    parts += [f"{TITLES[s]}\n\n{dynamic_table(found, s, 'varying')}" for s in SATELLITES]
+    parts += [f"{TITLES[s]}\n\n{dynamic_table(found, s, 'varying')}" for s in BENCHMARK_SATELLITES]
     parts += [
         "![Dynamic errors, varying plant](dynamic_varying.png)",
     ]
@@ -65,7 +66,7 @@ def page(
         record_table(found),
         "### The plant stays constant",
     ]
-    parts += [f"{TITLES[s]}\n\n{dynamic_table(found, s, 'constant')}" for s in SATELLITES]
+    parts += [f"{TITLES[s]}\n\n{dynamic_table(found, s, 'constant')}" for s in BENCHMARK_SATELLITES]
     parts += [
         "![Dynamic errors, constant plant](dynamic_constant.png)",
         "## Length of the record",
@@ -81,7 +82,7 @@ def _exceptions(checks: Sequence[Check], exceedances: Sequence[Exceedance]) -> s
         f"- EKF, {TITLES[e.satellite]} {TITLES[e.profile]}: {number(e.ours)} % here, {number(e.paper)} % in the paper. "
         f"The first guess is up to {e.guess_off:.1f} prior standard deviations off (1 kg m²), and what remains of "
         f"that at the end is the error: with a prior of {WIDER_PRIOR:g} kg m² the same filter on the same readings "
-        f"comes to {number(e.wider_prior)} %."
+        f"has an error of {number(e.wider_prior)} %."
         for e in exceedances
     ]
     return "\n".join(lines)
@@ -89,7 +90,7 @@ def _exceptions(checks: Sequence[Check], exceedances: Sequence[Exceedance]) -> s
 
 def _world() -> str:
     world = scenario()
-    known = briefing("smallsat")
+    known = prior("smallsat")
     return (
         f'Scenario "paper" of the environment: readings and decisions every {world.decision_period:g} s for '
         f"{world.horizon:g} s, from rest; gyro noise {world.gyro_noise_std:g} rad/s with a bias walk of "
@@ -100,7 +101,7 @@ def _world() -> str:
         f"public code and before it here, so its setting is {100.0 * world.torque_noise:.2f} % to come out at 5 %.\n\n"
         "LS and EKF are the paper's: central differences, Huber loss, bounded trust region, with the wheel "
         "acceleration over the second before each reading; Euler step and the paper's noise settings, starting "
-        "from 0.80 (CubeSat) or 0.85 of the truth. Neither is told the solar torque, 1e-8 N m, which is far "
+        "from 0.80 (CubeSat) or 0.85 of the truth. Neither knows the solar torque, 1e-8 N m, which is far "
         "below what either resolves.\n\n"
         "Ours see the same readings. Momentum LS and output error assume a constant inertia and the conservation "
         "of momentum, and differentiate nothing. MomentumEKF has its default inertia walk (0.4 % per √s), two "
@@ -114,12 +115,12 @@ def _world() -> str:
 _ALIKE = ("varying", "static", "ls_alike")
 
 
-def _static_notes(found: Sequence[Cell]) -> str:
+def _static_notes(found: Sequence[CellScore]) -> str:
     alike = [cell.mean for cell in found if (cell.plant, cell.inertia_mode, cell.method) == _ALIKE]
     return (
         "The LS error is truncation: the central difference of the rates spans two seconds, the wheel acceleration "
         "one, and in between the torque noise and the steps of the profile change the acceleration. Measured: with "
-        "the wheel speeds differenced as the rates are, the same LS on the same readings comes to "
+        "the wheel speeds differenced as the rates are, the same LS on the same readings has errors of "
         f"{number(min(alike))} to {number(max(alike))} % in the 24 cells. Momentum LS has no such term. "
         "Starting at rest the total momentum is zero but for 1e-8 N m of solar torque, so J ω = −A j Ω at every "
         "reading, and any reading with a rate well above 1e-6 rad/s identifies the inertia: in this setting the "
@@ -131,8 +132,8 @@ def _static_notes(found: Sequence[Cell]) -> str:
     )
 
 
-def _dynamic_notes(found: Sequence[Cell]) -> str:
-    """How each plant's LS and EKF columns compare with the published ones."""
+def _dynamic_notes(found: Sequence[CellScore]) -> str:
+    """Comparison of each plant's LS and EKF columns with the published ones."""
     rows = []
     for plant in PLANTS:
         for method in ("ls", "ekf"):
@@ -160,7 +161,7 @@ def _dynamic_notes(found: Sequence[Cell]) -> str:
         f"that knows the first inertia perfectly then scores {', '.join(held)}. The published LS column is "
         "consistent with the second; the EKF column is nearer to it as well, though less clearly. Median relative "
         "distance of our columns from the published ones, and cells of 72 within 15 %:\n\n"
-        + markdown(["plant", "estimator", "median distance", "within 15 %"], rows, 2)
+        + markdown_table(["plant", "estimator", "median distance", "within 15 %"], rows, 2)
         + "\n\nThe varying plant is therefore another, harder experiment than the published one, and its columns "
         "are not to be read against the paper's cell by cell. LS, momentum LS and output error assume a constant "
         f"inertia and miss by up to {number(constant)} %; the paper's EKF lags, since its assumed noises let it "
@@ -170,7 +171,7 @@ def _dynamic_notes(found: Sequence[Cell]) -> str:
     )
 
 
-def _horizon(runs: Sequence[Run]) -> str:
+def _horizon(runs: Sequence[EpisodeScore]) -> str:
     lost = [
         f"{sum(np.isnan(r.error) for r in group)} of {len(group)} at {horizon:g} s"
         for horizon in HORIZONS
@@ -178,7 +179,7 @@ def _horizon(runs: Sequence[Run]) -> str:
         and any(np.isnan(r.error) for r in group)
     ]
     return (
-        "Static inertia, each horizon flown anew, error at its end: mean over profiles and seeds, band from the "
+        "Static inertia, a new flight for each horizon, error at its end: mean over profiles and seeds, band from the "
         "10th to the 90th percentile. MomentumEKF's error at the end depends on how fast the body turns in the "
         "last seconds, hence its ups and downs; batch estimators average over the record."
         + (f" Records in which LS could not identify an axis are left out: {', '.join(lost)}." if lost else "")

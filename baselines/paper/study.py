@@ -1,4 +1,4 @@
-"""All runs of the study, shared out among processes."""
+"""Jobs of the study, run in parallel processes, and the scores of each estimator on each episode."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from tqdm import tqdm
 
-from baselines.paper.flight import Flight, fly
+from baselines.paper.flight import ProfileFlight, fly_profile
 from baselines.paper.methods import METHODS, Estimate, estimate
 from satid_gym import metrics
+from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.evaluation import seeds
 from satid_gym.laws import INERTIA_MODES, InertiaMode, paper_law
-from satid_gym.plant import law_inertia
 from satid_gym.profiles import PROFILES
-from satid_gym.satellite import SATELLITES
+from satid_gym.satellite import BENCHMARK_SATELLITES
+from satid_gym.templates import law_inertia
 
 PLANTS = ("varying", "constant")
 HORIZON = 300.0  # s, of the tables
@@ -26,12 +27,12 @@ HORIZON_METHODS = ("ls", "ekf", "momentum_ls", "momentum_ekf")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """Error of one estimator on one episode.
+class EpisodeScore:
+    """Errors of one estimator on one episode.
 
     Attributes:
-        plant: "varying", or "constant" where the plant kept its first inertia while `inertia_mode` was scored.
-        profile, satellite, inertia_mode, method, seed: which.
+        plant: "varying", or "constant" if the plant kept its first inertia and was scored against `inertia_mode`.
+        profile, satellite, inertia_mode, method, seed: the episode and the estimator.
         horizon: s.
         error: the paper's metric: relative error at the end (static), or its mean over the last 20 % (else).
         record_error: mean relative error over the whole record.
@@ -63,35 +64,33 @@ class Job:
     methods: tuple[str, ...]
     seeds: tuple[int, ...]
 
-    def runs(self) -> list[Run]:
-        """Fly, estimate, score; a static plant is scored against the varying truths as well."""
-        flight = fly(self.satellite, self.inertia_mode, self.profile, self.seeds, self.horizon)
-        scored: list[Run] = []
+    def runs(self) -> list[EpisodeScore]:
+        """Scores of all episodes; a static plant is scored against the varying truths as well."""
+        flight = fly_profile(self.satellite, self.inertia_mode, self.profile, self.seeds, self.horizon)
+        scored: list[EpisodeScore] = []
         for row, seed in enumerate(self.seeds):
             found = estimate(flight, row, self.methods)
-            truth = np.diagonal(flight.inertia[:, row], axis1=1, axis2=2)
-            scored += self._score(flight, row, seed, found, "varying", self.inertia_mode, truth)
+            scored += self._score(flight, row, seed, found, "varying", self.inertia_mode, flight.inertia[:, row])
             if self.inertia_mode != "static" or self.horizon != HORIZON:
                 continue
             for mode in INERTIA_MODES[1:]:
-                law = law_inertia(paper_law(mode, self.horizon), flight.inertia[0, row], flight.time)
-                varying = np.diagonal(law, axis1=1, axis2=2)
+                varying = law_inertia(paper_law(mode, self.horizon), flight.inertia[0, row], flight.time)
                 scored += self._score(flight, row, seed, found, "constant", mode, varying)
         return scored
 
     def _score(
         self,
-        flight: Flight,
+        flight: ProfileFlight,
         row: int,
         seed: int,
         found: dict[str, Estimate],
         plant: str,
         mode: InertiaMode,
         truth: np.ndarray,
-    ) -> Iterator[Run]:
+    ) -> Iterator[EpisodeScore]:
         for method, estimated in found.items():
-            error = relative_error(estimated.inertia, truth)[1:]
-            yield Run(
+            error = metrics.relative_error(inertia_tensors(estimated.inertia), truth)[1:]
+            yield EpisodeScore(
                 plant=plant,
                 profile=self.profile,
                 satellite=self.satellite,
@@ -106,13 +105,8 @@ class Job:
             )
 
 
-def relative_error(inertia: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """|estimate - truth| / |truth| (N,) of moments (N, 3): the paper's metric at each reading."""
-    return np.linalg.norm(inertia - truth, axis=1) / np.linalg.norm(truth, axis=1)
-
-
 def table_jobs(count: int) -> list[Job]:
-    """Every profile, satellite and inertia mode with every method."""
+    """Jobs of the tables: every profile, satellite and inertia mode with every method."""
     return [
         Job(
             profile=profile,
@@ -123,13 +117,13 @@ def table_jobs(count: int) -> list[Job]:
             seeds=tuple(seeds("test", count)),
         )
         for mode in INERTIA_MODES
-        for satellite in SATELLITES
+        for satellite in BENCHMARK_SATELLITES
         for profile in PROFILES
     ]
 
 
 def horizon_jobs(count: int) -> list[Job]:
-    """Every profile and satellite over other horizons, static."""
+    """Jobs of the horizon figure: every profile and satellite with static inertia over the other horizons."""
     return [
         Job(
             profile=profile,
@@ -141,13 +135,13 @@ def horizon_jobs(count: int) -> list[Job]:
         )
         for horizon in HORIZONS
         if horizon != HORIZON
-        for satellite in SATELLITES
+        for satellite in BENCHMARK_SATELLITES
         for profile in PROFILES
     ]
 
 
-def run_all(jobs: Iterable[Job]) -> list[Run]:
-    """All runs, in the order of the jobs, on all cores that this process may use."""
+def run_all(jobs: Iterable[Job]) -> list[EpisodeScore]:
+    """Scores of all jobs, in their order, computed on all cores available to this process."""
     jobs = list(jobs)
     workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ProcessPoolExecutor(workers) as pool:

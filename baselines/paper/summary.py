@@ -1,4 +1,4 @@
-"""From runs to cells, and from cells to what the study was to show."""
+"""Summary of the study: scores of its cells, and its checks."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import numpy as np
 
 from baselines.paper.methods import PAPER_METHODS
 from baselines.paper.published import published
-from baselines.paper.study import HORIZON, Run
+from baselines.paper.study import HORIZON, EpisodeScore
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.profiles import PROFILES
-from satid_gym.satellite import SATELLITES
+from satid_gym.satellite import BENCHMARK_SATELLITES
 
-MODES = INERTIA_MODES[1:]  # those that vary
+MODES = INERTIA_MODES[1:]  # the time-varying ones
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cell:
-    """One method in one cell, over its seeds; errors in %.
+class CellScore:
+    """Scores of one method in one cell, over its seeds; errors in %.
 
     Attributes:
-        plant, profile, satellite, inertia_mode, method, horizon: which.
-        mean, std: of the error; NaN where a run did not identify the inertia.
+        plant, profile, satellite, inertia_mode, method, horizon: the cell and the method.
+        mean, std: mean and standard deviation of the error; NaN if a run did not identify the inertia.
         record_mean: mean error over the whole record.
         condition: mean condition number of the regression; None for filters.
         wheel_saturated: share of wheel-decisions at the speed limit.
-        runs: how many.
-        not_identified: how many of them gave no estimate.
+        runs: number of episodes.
+        not_identified: number of them without an estimate.
         paper: the paper's mean for its own two methods; None elsewhere.
     """
 
@@ -50,9 +50,9 @@ class Cell:
     paper: float | None
 
 
-def cells(runs: Sequence[Run]) -> list[Cell]:
-    """Runs grouped over their seeds, in their first order."""
-    groups: dict[tuple[str, str, str, str, str, float], list[Run]] = defaultdict(list)
+def cells(runs: Sequence[EpisodeScore]) -> list[CellScore]:
+    """Scores of the cells, in the order of the runs."""
+    groups: dict[tuple[str, str, str, str, str, float], list[EpisodeScore]] = defaultdict(list)
     for run in runs:
         groups[run.plant, run.profile, run.satellite, run.inertia_mode, run.method, run.horizon].append(run)
     theirs = published()
@@ -62,7 +62,7 @@ def cells(runs: Sequence[Run]) -> list[Cell]:
         conditions = [run.condition for run in group if run.condition is not None]
         paper = theirs[profile, satellite, mode].get(method) if horizon == HORIZON else None
         found.append(
-            Cell(
+            CellScore(
                 plant=plant,
                 profile=profile,
                 satellite=satellite,
@@ -82,22 +82,22 @@ def cells(runs: Sequence[Run]) -> list[Cell]:
     return found
 
 
-class Table:
-    """Cells of the tables' horizon by where they stand."""
+class CellTable:
+    """Lookup of the cells with the horizon of the tables."""
 
-    def __init__(self, found: Sequence[Cell]) -> None:
+    def __init__(self, found: Sequence[CellScore]) -> None:
         self._cells = {
             (c.plant, c.profile, c.satellite, c.inertia_mode, c.method): c for c in found if c.horizon == HORIZON
         }
 
-    def __call__(self, profile: str, satellite: str, mode: str, method: str, plant: str = "varying") -> Cell:
-        """The cell of a method."""
+    def __call__(self, profile: str, satellite: str, mode: str, method: str, plant: str = "varying") -> CellScore:
+        """Scores of a method in a cell."""
         return self._cells[plant, profile, satellite, mode, method]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One thing that the study was to show."""
+    """Expected result of the study, and whether it was met."""
 
     claim: str
     found: str
@@ -105,10 +105,10 @@ class Check:
     exceptions: tuple[str, ...] = ()
 
 
-def checks(found: Sequence[Cell]) -> list[Check]:
-    """The study's acceptance figures, from its cells."""
-    table, theirs = Table(found), published()
-    static = [(p, s) for s in SATELLITES for p in PROFILES]
+def checks(found: Sequence[CellScore]) -> list[Check]:
+    """Checks of the study, from its cells."""
+    table, theirs = CellTable(found), published()
+    static = [(p, s) for s in BENCHMARK_SATELLITES for p in PROFILES]
     deviation = [abs(table(p, s, "static", "ls").mean / theirs[p, s, "static"]["ls"] - 1.0) for p, s in static]
     result = [
         Check(
@@ -127,7 +127,7 @@ def checks(found: Sequence[Cell]) -> list[Check]:
             exceptions=tuple(f"{s} {p}" for p, s in worse),
         )
     )
-    dynamic = [(p, s, m) for m in MODES for s in SATELLITES for p in PROFILES]
+    dynamic = [(p, s, m) for m in MODES for s in BENCHMARK_SATELLITES for p in PROFILES]
     ours = {cell: table(*cell, "momentum_ekf").mean for cell in dynamic}
     large = [cell for cell in dynamic if not ours[cell] <= 0.5]
     above = [cell for cell in dynamic if not ours[cell] < min(theirs[cell][m] for m in PAPER_METHODS)]
@@ -148,10 +148,10 @@ def checks(found: Sequence[Cell]) -> list[Check]:
     return result
 
 
-def _best_profiles(table: Table) -> Check:
-    """Whether the profile that is best in the paper is among our best two, by satellite."""
+def _best_profiles(table: CellTable) -> Check:
+    """Check that the paper's best profile of each satellite is among our best two."""
     theirs, parts, missed = published(), [], []
-    for satellite in SATELLITES:
+    for satellite in BENCHMARK_SATELLITES:
         best = min(PROFILES, key=lambda p: theirs[p, satellite, "static"]["ls"])
         ranked = sorted(PROFILES, key=lambda p: table(p, satellite, "static", "ls").mean)
         parts.append(f"{satellite}: {best} is number {ranked.index(best) + 1} of ours")
@@ -166,5 +166,5 @@ def _best_profiles(table: Table) -> Check:
 
 
 def finite(value: float | None) -> float | None:
-    """The value as JSON can hold it: None where there is none."""
+    """Value for JSON: None if it is not finite."""
     return None if value is None or not math.isfinite(value) else value

@@ -1,15 +1,15 @@
-"""The paper's world, and what a filter may know of it before launch."""
+"""Scenario of the paper, and the prior of its filters."""
 
 from __future__ import annotations
 
 import math
 
-from satid_gym.estimators import Briefing, MomentumEKFSettings, brief
+from satid_gym.estimators import FilterPrior, MomentumEKFSettings
 from satid_gym.evaluation import benchmark_scenario
 from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import Scenario
+from satid_gym.scenario import Scenario, prior_of
 
-MOTOR_NOISE = 0.05  # of the torque limit, as the motors deliver it
+MOTOR_NOISE = 0.05  # of the torque limit, at the motors' output
 SOLAR_ARM = 0.01  # m, centre of pressure from centre of mass
 
 MOMENTUM_SETTINGS = MomentumEKFSettings(substeps=2)
@@ -19,21 +19,21 @@ MOMENTUM_SETTINGS = MomentumEKFSettings(substeps=2)
 def scenario(horizon: float = 300.0) -> Scenario:
     """Scenario "paper", with the torque noise at the motors' output.
 
-    The paper adds the noise behind the motors' lag, the environment in front of it, where the lag would take
-    sqrt(f / (2 - f)) of its standard deviation, f = dt / (lag + dt). The setting makes up for that.
+    The paper adds the noise after the motors' lag, the environment before it. There the lag reduces its standard
+    deviation to the factor sqrt(f / (2 - f)), f = dt / (lag + dt), which the setting compensates.
     """
     world = benchmark_scenario("paper")
     follow = world.sample_period / (world.torque_lag + world.sample_period)
     return world.replace(horizon=horizon, torque_noise=MOTOR_NOISE / math.sqrt(follow / (2.0 - follow)))
 
 
-def briefing(satellite: str, horizon: float = 300.0) -> Briefing:
-    """What is known of a satellite: the paper's wrong first guess of the inertia, and data sheets.
+def prior(satellite: str, horizon: float = 300.0) -> FilterPrior:
+    """Prior of a satellite: the paper's wrong first guess of the inertia, and data sheets.
 
-    The gyro's noise has its bias walk added, as it is at the end of the horizon; the disturbance is the solar
-    pressure on its arm.
+    The gyro noise includes the bias walk up to the end of the horizon; the disturbance is the solar pressure times its
+    lever arm.
     """
     world = scenario(horizon)
-    known = brief(SATELLITES[satellite], world)
+    known = prior_of(SATELLITES[satellite], world)
     noise = math.hypot(known.gyro_noise_std, world.gyro_bias_walk * math.sqrt(horizon))
     return known.replace(gyro_noise_std=noise, disturbance_std=world.solar_pressure * SOLAR_ARM)

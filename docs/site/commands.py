@@ -1,6 +1,7 @@
-"""Writes the reference of all commands while the site is built: every module that reads options, and the options.
+"""Reference of all commands, written while the site is built: every module that is run, with its options.
 
-Modules are read, not imported.
+A command of a few lines that imports its `main` is listed under its own name, with the options of the module that it
+imports from. Modules are read, not imported.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = "api/commands.md"
 _OPTIONS = re.compile(r"tyro\.cli\((\w+)")
 _PARSER = re.compile(r"ArgumentParser\(|^if __name__ ==", flags=re.MULTILINE)
+_FACE = re.compile(r"^from ([\w.]+) import main$", flags=re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, page, **_: object) -> str:
@@ -29,16 +31,23 @@ def on_page_markdown(markdown: str, page, **_: object) -> str:
 def of(package: str) -> Iterator[str]:
     """A section for each command of a package."""
     tree = griffe.load(package, search_paths=[ROOT], resolve_aliases=True, allow_inspection=False)
-    for file in sorted((ROOT / package).rglob("*.py")):
-        source = file.read_text(encoding="utf-8")
-        found = _OPTIONS.search(source)
-        if not found and not _PARSER.search(source):
+    sources = {_name(file): file.read_text(encoding="utf-8") for file in sorted((ROOT / package).rglob("*.py"))}
+    faces = {name: face[1] for name, source in sources.items() if (face := _FACE.search(source))}
+    for name in sources:
+        target = faces.get(name, name)
+        if name in faces.values() or target not in sources:
             continue
-        name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
-        module = tree[name.removeprefix(f"{package}.")]
+        found = _OPTIONS.search(sources[target])
+        if not found and not _PARSER.search(sources[target]):
+            continue
+        module = tree[target.removeprefix(f"{package}.")]
         rows = list(_rows(module, module[found[1]])) if found else []
         table = ["| option | default | what |", "|---|---|---|", *rows] if rows else []
         yield "\n".join([f"## {name.removesuffix('.__main__')}", "", module.docstring.value, "", *table])
+
+
+def _name(file: Path) -> str:
+    return ".".join(file.relative_to(ROOT).with_suffix("").parts)
 
 
 def _rows(module: griffe.Module, options: griffe.Class) -> Iterator[str]:

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import add, axpy, axpy_symmetric, cross, dot, inverse, multiply, scale, subtract
-from satid_gym.core.dynamics import sum_wheels
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.wheels import sum_wheels
 
 _SWEEPS = 200
 _SETTLED = 1e-5  # of a share: what the last sweep left is made good by going a little less far

@@ -1,19 +1,18 @@
-"""What the observation says, back in physical units, for episodes of one satellite or of several."""
+"""Observation decoded to physical units, for episodes of one satellite or of several."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from satid_gym.estimators.settings import PRODUCTS
+from satid_gym.core.observation import observed_std
+from satid_gym.estimators.inertia import PRODUCTS
 from satid_gym.policy import Mission
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Craft:
+class PlantConstants(NamedTuple):
     """Constants of the satellites that R episodes fly, or of the one that all of them fly (R = 1).
 
     Attributes:
@@ -55,17 +54,16 @@ class Craft:
             impulse_std=np.array([k * w.max_torque for k, w in zip(impulse, wheels, strict=True)]),
             axes=np.array([w.axes for w in wheels]),
             allocation=np.array([np.linalg.pinv(w.axes) for w in wheels]),
-            rotor_inertia=np.array([w.carried_inertia for w in wheels]),
-            prior=np.array([m.prior_inertia for m in missions]),
+            rotor_inertia=np.array([w.rotor_inertia for w in wheels]),
+            prior=np.array([m.prior.inertia for m in missions]),
         )
 
     def take(self, rows: np.ndarray) -> Self:
         """The constants of the missions `rows` (N,)."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return type(self)(*(values[rows] for values in self))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Belief:
+class Belief(NamedTuple):
     """What N episodes measure and believe, body frame.
 
     Attributes:
@@ -86,7 +84,7 @@ class Belief:
     disturbance: np.ndarray
 
     @classmethod
-    def read(cls, observation: np.ndarray, layout: dict[str, slice], craft: Craft) -> Self:
+    def read(cls, observation: np.ndarray, layout: dict[str, slice], constants: PlantConstants) -> Self:
         """From observations (N, size) and what was known before the flight.
 
         Raises:
@@ -94,16 +92,16 @@ class Belief:
         """
         check_observation(observation, layout)
         part = {name: observation[:, place].astype(float) for name, place in layout.items()}
-        omega = part["rate"] * craft.rate_limit
-        wheel_momentum = part["wheel_speed"] * craft.max_spin
-        inertia = _inertia(part["inertia"], craft.prior)
+        omega = part["rate"] * constants.rate_limit
+        wheel_momentum = part["wheel_speed"] * constants.max_spin
+        inertia = _inertia(part["inertia"], constants.prior)
         return cls(
             omega=omega,
             wheel_momentum=wheel_momentum,
             inertia=inertia,
-            inertia_std=10.0 ** (part["uncertainty"] - 2.0),
-            momentum=times(inertia, omega) + times(craft.axes, wheel_momentum),
-            disturbance=part["disturbance"] * craft.disturbance_std,
+            inertia_std=observed_std(part["uncertainty"]),
+            momentum=times(inertia, omega) + times(constants.axes, wheel_momentum),
+            disturbance=part["disturbance"] * constants.disturbance_std,
         )
 
 

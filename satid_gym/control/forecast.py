@@ -1,11 +1,12 @@
-"""What planners compute for every candidate, compiled: the covariance along rates, and local search of plans."""
+"""Forecast of the covariance along candidate plans of body rates, compiled."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from satid_gym.control.deadbeat import allocate, reach, storable
-from satid_gym.core import momentum_filter
 from satid_gym.core.algebra import (
     add,
     axpy,
@@ -18,11 +19,84 @@ from satid_gym.core.algebra import (
     store,
     subtract,
 )
+from satid_gym.core.belief import momentum_filter
+from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.jit import inline, kernel
-from satid_gym.core.kalman import estimated_inertia
-from satid_gym.core.random import uniform
-from satid_gym.core.records import LOGDET
-from satid_gym.core.reward import spread
+from satid_gym.core.records import Criterion
+from satid_gym.core.reward import uncertainty_nats
+
+_LOGDET = int(Criterion.LOGDET)
+
+
+class World(NamedTuple):
+    """Satellite and clock of a forecast.
+
+    Attributes:
+        allocation: (n, 3) pseudo-inverse of the wheel axes.
+        rotor_inertia: (3, 3) A j A^T, kg m^2.
+        max_torque, max_spin: (n,) limits of the wheels, N m and N m s, the latter less its margin.
+        step: s.
+        steps: in a decision.
+    """
+
+    allocation: np.ndarray
+    rotor_inertia: np.ndarray
+    max_torque: np.ndarray
+    max_spin: np.ndarray
+    step: float
+    steps: int
+
+
+class Start(NamedTuple):
+    """Present of N episodes: belief records (N,), body rates (N, 3) and the largest to be commanded (N, 3), rad/s."""
+
+    beliefs: np.ndarray
+    rates: np.ndarray
+    caps: np.ndarray
+
+
+class Observed(NamedTuple):
+    """Decision that N episodes have just flown.
+
+    Attributes:
+        before, after: (N, 3) body rates at its start and end, rad/s.
+        wheel_speed: (N, n) at its end, rad/s.
+        mean: (N, size) state of the filter at its end.
+        wheel_momentum: (N, 3) A j Omega at its end, N m s.
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    wheel_speed: np.ndarray
+    mean: np.ndarray
+    wheel_momentum: np.ndarray
+
+
+class Trail(NamedTuple):
+    """Course of one plan, by decision: row d is what decision d begins with, the last what the plan ends with.
+
+    Attributes:
+        beliefs: (H + 1,) belief records.
+        rates: (H + 1, 3) rad/s.
+        errors: (H + 1,) sum over steps of the relative error that the filter expects.
+    """
+
+    beliefs: np.ndarray
+    rates: np.ndarray
+    errors: np.ndarray
+
+    @classmethod
+    def of(cls, dtype: np.dtype, ahead: int) -> Trail:
+        """Room for a plan of so many decisions."""
+        return cls(np.empty(ahead + 1, dtype), np.empty((ahead + 1, 3)), np.zeros(ahead + 1))
+
+
+class Scratch(NamedTuple):
+    """Scratch space: that of the filter (1,), of two values a wheel (2, n), and of a rate (3,)."""
+
+    work: np.ndarray
+    wheel: np.ndarray
+    rate: np.ndarray
 
 
 @inline
@@ -38,15 +112,16 @@ def _turn(belief, work, allocation, inertia, end, step, speed, rate):
 
 
 @inline
-def _follow_command(belief, inertia, free, omega, wanted, build, period, wheel):
+def _follow_command(belief, inertia, free, omega, wanted, world, wheel):
     """Rate a decision after `omega` when `RateLoop` is told `wanted`, rad/s; free is J - A j A^T and its inverse."""
-    allocation, _, max_torque, max_spin = build
+    allocation, period = world.allocation, world.step * world.steps
     momentum, tau = load(belief.mean), load(belief.mean[3 + belief.prior_theta.shape[0] :])
     stored = subtract(momentum, multiply(inertia, omega))
     for k in range(allocation.shape[0]):
         wheel[0, k] = allocate(allocation, stored, k)
-    wanted = storable(wanted, momentum, inertia, (belief.axes, allocation, max_spin), wheel[0], wheel[1])
-    wheels = (belief.axes, allocation, max_torque)
+    wheels = (belief.axes, allocation, world.max_spin)
+    wanted = storable(wanted, momentum, inertia, wheels, wheel[0], wheel[1])
+    wheels = (belief.axes, allocation, world.max_torque)
     return reach(omega, wanted, (momentum, tau), free, wheels, period, wheel[0], wheel[1])
 
 
@@ -62,144 +137,65 @@ def _frobenius(belief):
 
 
 @inline
-def _fly(trail, errors, omegas, work, cap, plan, first, ahead, build, step, steps, counting, most, wheel, rate):
-    """Nats gained (where counting) by a plan from its decision `first` on; it stops where the error passes `most`.
-
-    Row d of trail, omegas and errors is what decision d begins with: belief, rate, sum over steps of the error so far.
-    """
-    inertia = estimated_inertia(trail[first])
-    loose = axpy_symmetric(-1.0, load_symmetric(build[1]), inertia)
-    free = (loose, inverse(loose))
+def fly_plan(trail, scratch, cap, plan, first, world, counting, error_max):
+    """Nats gained (where counting) by a plan from its decision `first` on; it stops where the error is too large."""
+    inertia = estimated_inertia(trail.beliefs[first])
+    J_free = axpy_symmetric(-1.0, load_symmetric(world.rotor_inertia), inertia)
+    free = (J_free, inverse(J_free))
+    work, steps, ahead = scratch.work[0], world.steps, trail.errors.shape[0] - 1
     gained = 0.0
     for d in range(first, ahead):
-        trail[d + 1] = trail[d]
-        belief, omega, total = trail[d + 1], load(omegas[d]), errors[d]
+        trail.beliefs[d + 1] = trail.beliefs[d]
+        belief, omega, total = trail.beliefs[d + 1], load(trail.rates[d]), trail.errors[d]
         x, y, z = load(plan[d])
         wanted = (x * cap[0], y * cap[1], z * cap[2])
-        end = _follow_command(belief, inertia, free, omega, wanted, build, step * steps, wheel)
+        end = _follow_command(belief, inertia, free, omega, wanted, world, scratch.wheel)
         change = subtract(end, omega)
         for s in range(steps):
-            _turn(belief, work, build[0], inertia, axpy((s + 1.0) / steps, change, omega), step, wheel[0], rate)
+            now = axpy((s + 1.0) / steps, change, omega)
+            _turn(belief, work, world.allocation, inertia, now, world.step, scratch.wheel[0], scratch.rate)
             if counting:
-                gained += spread(belief, work, LOGDET)
-            momentum_filter.condition(belief, work, rate)
+                gained += uncertainty_nats(belief, work, _LOGDET)
+            momentum_filter.condition(belief, work, scratch.rate)
             if counting:
-                gained -= spread(belief, work, LOGDET)
+                gained -= uncertainty_nats(belief, work, _LOGDET)
             size, error = _frobenius(belief)
             total += error / size
-        store(omegas[d + 1], end)
-        errors[d + 1] = total
-        if total > most:
-            errors[ahead] = total
+        store(trail.rates[d + 1], end)
+        trail.errors[d + 1] = total
+        if total > error_max:
+            trail.errors[ahead] = total
             break
     return gained
 
 
-@inline
-def _edit(plan, ahead, stream):
-    """Change one axis of a plan: all reversals or one, sooner or later; or reverse it for a while or from then on."""
-    k = np.int64(3.0 * uniform(stream))
-    kind, start = uniform(stream), np.int64(ahead * uniform(stream))
-    all_sooner, all_later, one_sooner, one_later = kind < 0.1, kind < 0.2, 0.2 <= kind < 0.4, 0.4 <= kind < 0.6
-    short = one_sooner or one_later or uniform(stream) < 0.6
-    span = 1 - np.int64((2.0 if short else 12.0) * np.log(uniform(stream)))
-    if all_sooner:
-        for t in range(ahead):
-            plan[t, k] = plan[min(t + span, ahead - 1), k]
-        return
-    if all_later:
-        for t in range(ahead - 1, -1, -1):
-            plan[t, k] = plan[max(t - span, 0), k]
-        return
-    if one_sooner or one_later:
-        for _ in range(ahead):  # on to a reversal, over the end
-            if start > 0 and plan[start, k] != plan[start - 1, k]:
-                break
-            start = (start + 1) % ahead
-    if one_sooner:
-        start -= span
-    end = ahead if kind > 0.85 else min(start + span, ahead)
-    for t in range(max(start, 0), end):
-        plan[t, k] = -plan[t, k]
+@kernel
+def follow(first, beliefs, seen, world, scratch):
+    """Bring the covariances of beliefs (N,) to the present: `Observed`; the first time they start there."""
+    wheel, rate, work = scratch.wheel[0], scratch.rate, scratch.work[0]
+    for i in range(beliefs.shape[0]):
+        belief = beliefs[i]
+        if first:
+            momentum_filter.start(belief, work, seen.after[i], seen.wheel_speed[i])
+        else:
+            before = load(seen.before[i])
+            inertia, change = estimated_inertia(belief), subtract(load(seen.after[i]), before)
+            for s in range(world.steps):
+                end = axpy((s + 1.0) / world.steps, change, before)
+                _turn(belief, work, world.allocation, inertia, end, world.step, wheel, rate)
+                momentum_filter.condition(belief, work, rate)
+        belief.mean[:] = seen.mean[i]
+        belief.wheel_input[:3] = seen.wheel_momentum[i]
 
 
-def _build_follow(fingerprint):
-    def follow(first, beliefs, work, before, after, speed, allocation, step, steps, mean, spin):
-        """Bring the covariances to the present observation: (N, 3) rates before and after, (N, n) wheel speeds."""
-        fingerprint  # noqa: B018
-        wheel, rate = np.empty(speed.shape[1]), np.empty(3)
-        for i in range(beliefs.shape[0]):
-            belief = beliefs[i]
-            if first:
-                momentum_filter.start(belief, work[0], after[i], speed[i])
-            else:
-                inertia, change = estimated_inertia(belief), subtract(load(after[i]), load(before[i]))
-                for s in range(steps):
-                    end = axpy((s + 1.0) / steps, change, load(before[i]))
-                    _turn(belief, work[0], allocation, inertia, end, step, wheel, rate)
-                    momentum_filter.condition(belief, work[0], rate)
-            belief.mean[:] = mean[i]
-            belief.wheel_input[:3] = spin[i]
-
-    return follow
-
-
-def _build_forecast_many(fingerprint):
-    def forecast_many(beliefs, trail, work, start, caps, commands, build, step, steps, gained, error):
-        """See `Planner.forecast`; start and caps (N, 3), commands (N or 1, C, H, 3), gained and error (N, C)."""
-        fingerprint  # noqa: B018
-        ahead = commands.shape[2]
-        wheel, rate = np.empty((2, build[0].shape[0])), np.empty(3)
-        omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
-        for i in range(beliefs.shape[0]):
-            row = min(i, commands.shape[0] - 1)
-            trail[0], omegas[0] = beliefs[i], start[i]
-            for c in range(commands.shape[1]):
-                gained[i, c] = _fly(
-                    trail, errors, omegas, work[0], caps[i], commands[row, c], 0, ahead, build, step, steps, True,
-                    np.inf, wheel, rate,
-                )  # fmt: skip
-                error[i, c] = errors[ahead] / (ahead * steps)
-
-    return forecast_many
-
-
-def _build_improve_many(fingerprint):
-    def improve_many(beliefs, trail, other, work, start, caps, plans, streams, edits, ahead, build, step, steps):
-        """See `Planner.improve`; start and caps (N, 3), plans (N, H, 3), streams (N, 4)."""
-        fingerprint  # noqa: B018
-        wheel, rate, trial = np.empty((2, build[0].shape[0])), np.empty(3), np.empty(plans.shape[1:])
-        omegas, errors = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
-        others, sums = np.empty((ahead + 1, 3)), np.zeros(ahead + 1)
-        for i in range(beliefs.shape[0]):
-            plan, cap = plans[i], caps[i]
-            trail[0], omegas[0] = beliefs[i], start[i]
-            _fly(
-                trail, errors, omegas, work[0], cap, plan, 0, ahead, build, step, steps, False, np.inf, wheel, rate
-            )  # fmt: skip
-            for _ in range(edits):
-                trial[:] = plan
-                _edit(trial, ahead, streams[i])
-                if uniform(streams[i]) < 0.5:
-                    _edit(trial, ahead, streams[i])
-                first = 0  # until then the trial is the plan
-                while first < ahead and (trial[first] == plan[first]).all():
-                    first += 1
-                if first == ahead:
-                    continue
-                other[first], others[first], sums[first] = trail[first], omegas[first], errors[first]
-                _fly(
-                    other, sums, others, work[0], cap, trial, first, ahead, build, step, steps, False, errors[ahead],
-                    wheel, rate,
-                )  # fmt: skip
-                if sums[ahead] < errors[ahead]:
-                    plan[:] = trial
-                    for d in range(first + 1, ahead + 1):
-                        trail[d], omegas[d], errors[d] = other[d], others[d], sums[d]
-
-    return improve_many
-
-
-follow = kernel(_build_follow)
-forecast_many = kernel(_build_forecast_many)
-improve_many = kernel(_build_improve_many)
+@kernel
+def forecast_many(start, trail, scratch, commands, world, gained, error):
+    """See `Planner.forecast`; commands (N or 1, C, H, 3), gained and error (N, C)."""
+    ahead = commands.shape[2]
+    trail.errors[0] = 0.0
+    for i in range(start.beliefs.shape[0]):
+        row = min(i, commands.shape[0] - 1)
+        trail.beliefs[0], trail.rates[0] = start.beliefs[i], start.rates[i]
+        for c in range(commands.shape[1]):
+            gained[i, c] = fly_plan(trail, scratch, start.caps[i], commands[row, c], 0, world, True, np.inf)
+            error[i, c] = trail.errors[ahead] / (ahead * world.steps)

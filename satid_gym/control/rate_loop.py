@@ -13,7 +13,7 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.deadbeat import reach, storable
-from satid_gym.control.decoded_observation import Belief, Craft
+from satid_gym.control.decoded_observation import Belief, PlantConstants
 from satid_gym.core.algebra import axpy_symmetric, inverse, load, load_symmetric, multiply, subtract
 from satid_gym.core.jit import inline, kernel
 from satid_gym.policy import Mission
@@ -35,24 +35,21 @@ class RateLoop:
         self.margin = check_number("margin", margin)
         self._layout = missions[0].layout
         self._duration = missions[0].scenario.decision_period
-        self._crafts = Craft.of(missions)
-        self._craft = self._crafts.take(np.zeros(1, int))
+        self._all_constants = PlantConstants.of(missions)
+        self._constants = self._all_constants.take(np.zeros(1, int))
 
     def assign(self, rows: np.ndarray) -> None:
         """Say which mission (N,) each episode of the batch flies; without it all fly the first."""
-        self._craft = self._crafts.take(rows)
+        self._constants = self._all_constants.take(rows)
 
     def __call__(self, observation: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Action (N, n) for observations (N, size) and rate commands (N, 3) in [-1, 1]."""
-        craft = self._craft
-        belief = Belief.read(observation, self._layout, craft)
-        state = (belief.omega, belief.momentum, belief.inertia, belief.inertia_std, belief.disturbance)
-        limits = (craft.rate_limit, craft.gyro_noise_std, craft.max_torque, craft.max_spin, craft.impulse_std)
-        build = (craft.axes, craft.allocation, craft.rotor_inertia)
+        constants = self._constants
+        belief = Belief.read(observation, self._layout, constants)
         action = np.empty(belief.wheel_momentum.shape)
         # the kernel does not look whether a row is there
         command = np.ascontiguousarray(np.broadcast_to(command, belief.omega.shape), dtype=float)
-        drive_many(*state, belief.wheel_momentum, command, *limits, *build, self.margin, self._duration, action)
+        drive_many(belief, command, constants, self.margin, self._duration, action)
         return action
 
 
@@ -82,35 +79,27 @@ def _reference(command, omega, inertia, inertia_std, limits, axes, margin):
     )
 
 
-def _build_drive_many(fingerprint):
-    def drive_many(
-        omegas, momenta, inertias, inertia_stds, disturbances, wheel_momenta, commands,
-        rate_limit, gyro_noise_std, max_torque, max_spin, impulse_std, axes, allocation, rotors, margin, period,
-        actions,
-    ):  # fmt: skip
-        """See `RateLoop`; beliefs and commands (N, ...), constants of the satellites (N, ...) or (1, ...)."""
-        fingerprint  # noqa: B018
-        n = actions.shape[1]
-        wheel, scratch, room = np.empty(n), np.empty(n), np.empty(n)
-        for i in range(actions.shape[0]):
-            r = min(i, rate_limit.shape[0] - 1)
-            omega, momentum, inertia = load(omegas[i]), load(momenta[i]), load_symmetric(inertias[i])
-            x, y, z = load(commands[i])
-            command = min(max(x, -1.0), 1.0), min(max(y, -1.0), 1.0), min(max(z, -1.0), 1.0)
-            limits = (rate_limit[r, 0], gyro_noise_std[r, 0], impulse_std[r])
-            wanted = _reference(command, omega, inertia, inertia_stds[i], limits, axes[r], margin)
-            for k in range(n):
-                wheel[k] = wheel_momenta[i, k]
-                room[k] = max(max_spin[r, k] - margin * impulse_std[r, k], 0.0)
-            wanted = storable(wanted, momentum, inertia, (axes[r], allocation[r], room), wheel, scratch)
-            free = axpy_symmetric(-1.0, load_symmetric(rotors[r]), inertia)
-            state = (momentum, load(disturbances[i]))
-            wheels = (axes[r], allocation[r], max_torque[r])
-            reach(omega, wanted, state, (free, inverse(free)), wheels, period, wheel, scratch)
-            for k in range(n):
-                actions[i, k] = wheel[k] / max_torque[r, k]
-
-    return drive_many
-
-
-drive_many = kernel(_build_drive_many)
+@kernel
+def drive_many(beliefs, commands, constants, margin, period, actions):
+    """See `RateLoop`: a `Belief` and commands (N, 3), `PlantConstants` of N satellites or one, actions (N, n)."""
+    n, all_axes, max_torque = actions.shape[1], constants.axes, constants.max_torque
+    wheel, scratch, room = np.empty(n), np.empty(n), np.empty(n)
+    for i in range(actions.shape[0]):
+        r = min(i, max_torque.shape[0] - 1)
+        axes, allocation, impulse_std = all_axes[r], constants.allocation[r], constants.impulse_std[r]
+        omega, momentum = load(beliefs.omega[i]), load(beliefs.momentum[i])
+        inertia = load_symmetric(beliefs.inertia[i])
+        x, y, z = load(commands[i])
+        command = min(max(x, -1.0), 1.0), min(max(y, -1.0), 1.0), min(max(z, -1.0), 1.0)
+        limits = (constants.rate_limit[r, 0], constants.gyro_noise_std[r, 0], impulse_std)
+        wanted = _reference(command, omega, inertia, beliefs.inertia_std[i], limits, axes, margin)
+        for k in range(n):
+            wheel[k] = beliefs.wheel_momentum[i, k]
+            room[k] = max(constants.max_spin[r, k] - margin * impulse_std[k], 0.0)
+        wanted = storable(wanted, momentum, inertia, (axes, allocation, room), wheel, scratch)
+        J_free = axpy_symmetric(-1.0, load_symmetric(constants.rotor_inertia[r]), inertia)
+        state = (momentum, load(beliefs.disturbance[i]))
+        wheels = (axes, allocation, max_torque[r])
+        reach(omega, wanted, state, (J_free, inverse(J_free)), wheels, period, wheel, scratch)
+        for k in range(n):
+            actions[i, k] = wheel[k] / max_torque[r, k]

@@ -100,9 +100,21 @@ def axpy_symmetric(k, a, b):
 
 
 @inline
+def scale_symmetric(k, s):
+    """k S for a symmetric matrix."""
+    return k * s[0], k * s[1], k * s[2], k * s[3], k * s[4], k * s[5]
+
+
+@inline
 def add_diagonal(k, s):
     """k 1 + S."""
     return k + s[0], k + s[1], k + s[2], s[3], s[4], s[5]
+
+
+@inline
+def frobenius_square(s):
+    """Sum of the squares of all nine elements of a symmetric matrix."""
+    return s[0] * s[0] + s[1] * s[1] + s[2] * s[2] + 2.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5])
 
 
 @inline

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core import momentum_filter
-from satid_gym.core.algebra import add, cross, inverse, load, multiply
+from satid_gym.core.algebra import add, cross, inverse, multiply
+from satid_gym.core.belief import filters
+from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.kalman import estimated_inertia
-from satid_gym.core.records import MOMENTUM
 
 BOUND = 10.0
 
@@ -25,9 +24,9 @@ def layout(n: int, p: int, others: int = 0) -> dict[str, slice]:
         "uncertainty": p,
         "disturbance": 3,
         "correlation": 3 * p,
-        "authority": 3,
-        "swing": 3,
-        "drift": 3,
+        "control_authority": 3,
+        "momentum_fraction": 3,
+        "coast_rate_change": 3,
         "command": n,
         "time_left": 1,
     }
@@ -39,22 +38,18 @@ def layout(n: int, p: int, others: int = 0) -> dict[str, slice]:
     return {name: slice(edges[i], edges[i + 1]) for i, name in enumerate(sizes)}
 
 
+_LOG_OFFSET = 2.0  # a standard deviation of 1 % of its scale is observed as 0
+
+
+def observed_std(value: np.ndarray) -> np.ndarray:
+    """Standard deviations, over their scale, that observed `uncertainty` stands for."""
+    return 10.0 ** (value - _LOG_OFFSET)
+
+
 @inline
 def _write(out, i, value):
     out[i] = min(max(value, -BOUND), BOUND)
     return i + 1
-
-
-@inline
-def rate_to_go_by(belief, gyro):
-    """The gyro's reading or, where the filter coasts, the filter's own rate."""
-    return load(gyro) if belief.coasting == 0 else filter_rate(belief)
-
-
-@inline
-def filter_rate(belief):
-    """Estimated omega, rad/s."""
-    return momentum_filter.rate(belief) if belief.kind == MOMENTUM else load(belief.mean)
 
 
 @outline
@@ -63,15 +58,11 @@ def observe(belief, task, gyro, tachometer, out):
     p, n = belief.prior_theta.shape[0], tachometer.shape[0]
     mean, covariance = belief.mean, belief.covariance
     inertia = estimated_inertia(belief)
-    omega = filter_rate(belief)
-    if belief.kind == MOMENTUM:
-        momentum, torque = load(mean), load(mean[3 + p :])
-    else:
-        spin = momentum_filter.wheel_momentum(belief, mean[3 + p :])
-        momentum, torque = add(multiply(inertia, omega), spin), (0.0, 0.0, 0.0)
-    drift = multiply(inverse(inertia), add(cross(momentum, omega), torque))
+    omega = filters.rate(belief)
+    momentum, torque = filters.momentum_and_torque(belief)
+    coast_rate_change = multiply(inverse(inertia), add(cross(momentum, omega), torque))
     decision_period = task.sample_period * task.samples
-    reading = rate_to_go_by(belief, gyro)
+    reading = filters.rate_used(belief, gyro)
     i = 0
     for k in range(3):
         i = _write(out, i, reading[k] / task.rate_limit)
@@ -81,7 +72,7 @@ def observe(belief, task, gyro, tachometer, out):
     for k in range(p):
         i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
     for k in range(p):
-        i = _write(out, i, np.log10(np.sqrt(covariance[3 + k, 3 + k]) / belief.theta_scale[k]) + 2.0)
+        i = _write(out, i, np.log10(np.sqrt(covariance[3 + k, 3 + k]) / belief.theta_scale[k]) + _LOG_OFFSET)
     for k in range(3):
         i = _write(out, i, torque[k] / belief.prior_torque_std if belief.prior_torque_std > 0.0 else 0.0)
     for r in range(3):
@@ -89,11 +80,11 @@ def observe(belief, task, gyro, tachometer, out):
             scale = np.sqrt(covariance[r, r] * covariance[3 + k, 3 + k])
             i = _write(out, i, covariance[r, 3 + k] / scale)
     for k in range(3):
-        i = _write(out, i, task.authority[k])
+        i = _write(out, i, task.control_authority[k])
     for k in range(3):
-        i = _write(out, i, task.swing[k])
+        i = _write(out, i, task.momentum_fraction[k])
     for k in range(3):
-        i = _write(out, i, drift[k] * decision_period / task.rate_limit)
+        i = _write(out, i, coast_rate_change[k] * decision_period / task.rate_limit)
     for k in range(n):
         i = _write(out, i, task.command[k])
     i = _write(out, i, 1.0 - task.decision / task.decisions)
@@ -108,19 +99,10 @@ def _observe_covariance(belief, task, out, i):
     states = covariance.shape[0]
     for r in range(states):
         if r < 3 or r >= 3 + p:
-            std, scale = np.sqrt(covariance[r, r]), _state_scale(belief, task, r)
-            i = _write(out, i, np.log10(std / scale) + 2.0 if scale > 0.0 else -BOUND)
+            std, scale = np.sqrt(covariance[r, r]), filters.state_scale(belief, task, r)
+            i = _write(out, i, np.log10(std / scale) + _LOG_OFFSET if scale > 0.0 else -BOUND)
     for r in range(states):
         for c in range(r + 1, states):
             if r >= 3 or c < 3 or c >= 3 + p:
                 scale = np.sqrt(covariance[r, r] * covariance[c, c])
                 i = _write(out, i, covariance[r, c] / scale if scale > 0.0 else 0.0)
-
-
-@inline
-def _state_scale(belief, task, r):
-    """What a state other than an inertia parameter is measured by: what the envelope allows, the prior for tau."""
-    p = belief.prior_theta.shape[0]
-    if belief.kind != MOMENTUM:
-        return task.rate_limit if r < 3 else task.wheel_speed_max[r - 3 - p]
-    return belief.theta_scale[r] * task.rate_limit if r < 3 else belief.prior_torque_std

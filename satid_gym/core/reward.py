@@ -1,4 +1,4 @@
-"""Reward: what the filter's updates tell about the inertia, less what leaving the envelope costs.
+"""Reward: information on the inertia, less the cost of leaving the envelope.
 
 Belief and measurement only. Information is counted in nats, by one of three criteria of optimal design on
 the normalised covariance C of theta (std over prior std): D  log det C / 2, A  p/2 log(tr C / p),
@@ -12,15 +12,17 @@ import numpy as np
 
 from satid_gym.core.algebra import factor, largest_eigenvalue
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.records import LOGDET, TRACE
+from satid_gym.core.records import Criterion
+
+_LOGDET, _TRACE = int(Criterion.LOGDET), int(Criterion.TRACE)
 
 
 @outline
-def spread(belief, work, criterion):
+def uncertainty_nats(belief, work, criterion):
     """Uncertainty of theta in nats, 0 for the prior; NaN and belief.broken = 1 where P is not positive."""
     p = belief.prior_theta.shape[0]
     block = work.block
-    if criterion == LOGDET:
+    if criterion == _LOGDET:
         product = factor(belief.covariance, 3, p, block)
         if not product > 0.0:
             belief.broken = 1
@@ -31,7 +33,7 @@ def spread(belief, work, criterion):
         for j in range(p):
             scale = belief.prior_theta_std[i] * belief.prior_theta_std[j]
             block[i, j] = belief.covariance[3 + i, 3 + j] / scale
-    if criterion == TRACE:
+    if criterion == _TRACE:
         size = 0.0
         for i in range(p):
             size += block[i, i] / p
@@ -44,7 +46,7 @@ def spread(belief, work, criterion):
 
 @inline
 def envelope_excess(task, report):
-    """How far the decision's largest rates, as the filter goes by them, pass the margin: relative, summed over axes."""
+    """Excess of the decision's largest rates, as the filter uses them, over the margin: relative, summed over axes."""
     total = 0.0
     for i in range(3):
         total += max(0.0, report.peak_rate[i] / task.rate_limit - task.envelope_margin)

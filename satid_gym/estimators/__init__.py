@@ -5,26 +5,24 @@ theta = (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz), body frame, SI units.
 """
 
 from satid_gym.estimators import least_squares
-from satid_gym.estimators.compiled import AdaptiveEKF, FilterRun, MomentumEKF, RateEKF
+from satid_gym.estimators.compiled import FilterRun
+from satid_gym.estimators.filterpy.adaptive import FilterpyAdaptiveEKF
+from satid_gym.estimators.filterpy.momentum import FilterpyMomentumEKF, FilterpyMomentumUKF
+from satid_gym.estimators.filterpy.rate import FilterpyRateEKF
+from satid_gym.estimators.momentum import AdaptiveEKF, MomentumEKF, MomentumEKFSettings
+from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.protocol import Estimator
-from satid_gym.estimators.reference import FilterpyMomentumEKF, FilterpyMomentumUKF
-from satid_gym.estimators.reference_adaptive import FilterpyAdaptiveEKF
-from satid_gym.estimators.reference_rate import FilterpyRateEKF
-from satid_gym.estimators.settings import (
-    AdaptiveEKFSettings,
-    Briefing,
-    MomentumEKFSettings,
-    RateEKFSettings,
-    brief,
-    estimator_settings,
-)
+from satid_gym.estimators.rate import RateEKF, RateEKFSettings
+from satid_gym.estimators.registry import ESTIMATORS, estimator_settings
+from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.estimators.smoother import MomentumSmoother
 
 __all__ = [
+    "ESTIMATORS",
     "AdaptiveEKF",
-    "AdaptiveEKFSettings",
-    "Briefing",
     "Estimator",
+    "EstimatorSettings",
+    "FilterPrior",
     "FilterRun",
     "FilterpyAdaptiveEKF",
     "FilterpyMomentumEKF",
@@ -35,7 +33,6 @@ __all__ = [
     "MomentumSmoother",
     "RateEKF",
     "RateEKFSettings",
-    "brief",
     "estimator_settings",
     "least_squares",
 ]

@@ -22,16 +22,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from satid_gym.config import check_number, real_array, unknown_name
-from satid_gym.estimators.inertia_fit import InertiaFit, NotIdentifiedError
-from satid_gym.estimators.reference_model import tensor
-from satid_gym.estimators.regression import Regression
-from satid_gym.estimators.settings import (
-    PARAMETER_COUNT,
-    Briefing,
-    Parameters,
-    estimated_parameters,
-    inertia_parameters,
-)
+from satid_gym.estimators.batch.fit import InertiaFit, NotIdentifiedError
+from satid_gym.estimators.batch.regression import Regression
+from satid_gym.estimators.filterpy.model import tensor
+from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, inertia_parameters
+from satid_gym.estimators.prior import FilterPrior, estimated_parameters
 
 __all__ = [
     "InertiaFit",
@@ -44,7 +39,7 @@ __all__ = [
 
 
 def differentiated(
-    briefing: Briefing,
+    prior: FilterPrior,
     gyro: np.ndarray,
     wheel_speed: np.ndarray,
     dt: float,
@@ -59,11 +54,11 @@ def differentiated(
     costs accuracy wherever the torque changes from one sample to the next.
 
     Args:
-        briefing: wheels and data sheets; its inertia is the start of the search.
+        prior: wheels and data sheets; its inertia is the start of the search.
         gyro: (N, 3) rad/s.
         wheel_speed: (N, n) rad/s.
         dt: s between readings.
-        parameters: "principal", "full", or None: what the briefing needs.
+        parameters: "principal", "full", or None: what the prior needs.
         wheel_acceleration: (N, n) rad/s^2 at the readings, as the motors' drive reports it; central differences
             of the wheel speeds where None, which cancels most of the error of those of the rates.
         huber_scale: rad/s^2, residual from which on the loss is linear.
@@ -72,9 +67,9 @@ def differentiated(
         NotIdentifiedError: the data do not identify the inertia about some axis; the message says which.
         ValueError: a shape or a value is wrong.
     """
-    parameters = estimated_parameters(parameters, briefing)
-    gyro, wheel_speed, dt = _readings(briefing, gyro, wheel_speed, dt, parameters)
-    spin = briefing.wheels.axes * briefing.wheels.inertia
+    parameters = estimated_parameters(parameters, prior)
+    gyro, wheel_speed, dt = _readings(prior, gyro, wheel_speed, dt, parameters)
+    spin = prior.wheels.axes * prior.wheels.inertia
     if wheel_acceleration is None:
         acceleration = np.gradient(wheel_speed, dt, axis=0)
     else:
@@ -84,12 +79,12 @@ def differentiated(
     design = _regressor(derivative, parameters) + np.cross(gyro[:, :, None], regress, axis=1)
     target = -np.cross(gyro, wheel_speed @ spin.T) - acceleration @ spin.T
     halved = 0.5 / dt**2  # variance of a central difference over that of a sample
-    rows = _regression(briefing, design, target, parameters, dt, noise_factor=halved)
+    rows = _regression(prior, design, target, parameters, dt, noise_factor=halved)
     return rows.nonlinear(np.eye(3), "huber", check_number("huber_scale", huber_scale, strict=True))
 
 
 def momentum_form(
-    briefing: Briefing,
+    prior: FilterPrior,
     gyro: np.ndarray,
     wheel_speed: np.ndarray,
     dt: float,
@@ -100,23 +95,23 @@ def momentum_form(
     """Conservation of momentum, solved by linear least squares.
 
     Args:
-        briefing: wheels and data sheets; its inertia weights the axes against each other.
+        prior: wheels and data sheets; its inertia weights the axes against each other.
         gyro: (N, 3) rad/s.
         wheel_speed: (N, n) rad/s.
         dt: s between readings; the error of the attitude goes with the square of the angle turned in it.
-        parameters: "principal", "full", or None: what the briefing needs.
+        parameters: "principal", "full", or None: what the prior needs.
         constant_torque: whether an unknown external torque, constant in the body frame, is estimated as well.
 
     Raises:
         NotIdentifiedError: the data do not identify the inertia about some axis; the message says which.
         ValueError: a shape or a value is wrong.
     """
-    parameters = estimated_parameters(parameters, briefing)
-    return _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque).linear()
+    parameters = estimated_parameters(parameters, prior)
+    return _momentum_regression(prior, gyro, wheel_speed, dt, parameters, constant_torque).linear()
 
 
 def instrumental_variable(
-    briefing: Briefing,
+    prior: FilterPrior,
     gyro: np.ndarray,
     wheel_speed: np.ndarray,
     dt: float,
@@ -129,8 +124,8 @@ def instrumental_variable(
     Consistent under white gyro noise, however strong. It needs motion that lasts for several samples.
     Arguments and errors are those of `momentum_form`.
     """
-    parameters = estimated_parameters(parameters, briefing)
-    rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
+    parameters = estimated_parameters(parameters, prior)
+    rows = _momentum_regression(prior, gyro, wheel_speed, dt, parameters, constant_torque)
     gyro, attitude = real_array("gyro", gyro), rows.attitude
     assert attitude is not None
     inner = dataclasses.replace(rows, design=rows.design[1:-1], target=rows.target[1:-1], attitude=attitude[1:-1])
@@ -140,7 +135,7 @@ def instrumental_variable(
 
 
 def output_error(
-    briefing: Briefing,
+    prior: FilterPrior,
     gyro: np.ndarray,
     wheel_speed: np.ndarray,
     dt: float,
@@ -152,15 +147,15 @@ def output_error(
 
     Arguments and errors are those of `momentum_form`.
     """
-    parameters = estimated_parameters(parameters, briefing)
-    rows = _momentum_regression(briefing, gyro, wheel_speed, dt, parameters, constant_torque)
-    flexibility = np.linalg.inv(tensor(rows.start))
-    weight = np.linalg.inv(np.linalg.cholesky(flexibility @ rows.noise(rows.start) @ flexibility))
+    parameters = estimated_parameters(parameters, prior)
+    rows = _momentum_regression(prior, gyro, wheel_speed, dt, parameters, constant_torque)
+    J_inv = np.linalg.inv(tensor(rows.start))
+    weight = np.linalg.inv(np.linalg.cholesky(J_inv @ rows.noise(rows.start) @ J_inv))
     return rows.nonlinear(weight, "linear")
 
 
 def _readings(
-    briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float, parameters: Parameters
+    prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float, parameters: Parameters
 ) -> tuple[np.ndarray, np.ndarray, float]:
     if parameters not in PARAMETER_COUNT:
         raise unknown_name("inertia parameters", parameters, PARAMETER_COUNT)
@@ -168,7 +163,7 @@ def _readings(
     least = PARAMETER_COUNT[parameters] + 3
     if gyro.ndim != 2 or gyro.shape[1] != 3 or len(gyro) < least:
         raise ValueError(f"gyro must have shape (N, 3) with N >= {least}, got {gyro.shape}")
-    wheel_speed = real_array("wheel_speed", wheel_speed, (len(gyro), briefing.wheels.count))
+    wheel_speed = real_array("wheel_speed", wheel_speed, (len(gyro), prior.wheels.count))
     return gyro, wheel_speed, check_number("dt", dt, strict=True)
 
 
@@ -179,7 +174,7 @@ def _regressor(omega: np.ndarray, parameters: Parameters) -> np.ndarray:
 
 
 def _regression(
-    briefing: Briefing,
+    prior: FilterPrior,
     design: np.ndarray,
     target: np.ndarray,
     parameters: Parameters,
@@ -188,17 +183,17 @@ def _regression(
     noise_factor: float = 1.0,
     attitude: np.ndarray | None = None,
 ) -> Regression:
-    """Rows with the noise of the briefing's sensors."""
-    wheels = briefing.wheels
+    """Rows with the noise of the prior's sensors."""
+    wheels = prior.wheels
     spin = wheels.axes * wheels.inertia
     return Regression(
         design=design,
         target=target,
-        start=inertia_parameters(briefing.inertia, parameters),
-        scale=briefing.theta_scale(parameters),
+        start=inertia_parameters(prior.inertia, parameters),
+        scale=prior.theta_scale(parameters),
         parameters=parameters,
-        gyro_noise_std=briefing.gyro_noise_std,
-        wheel_noise=spin @ spin.T * briefing.tachometer_noise_std**2,
+        gyro_noise_std=prior.gyro_noise_std,
+        wheel_noise=spin @ spin.T * prior.tachometer_noise_std**2,
         noise_factor=noise_factor,
         dt=dt,
         attitude=attitude,
@@ -206,7 +201,7 @@ def _regression(
 
 
 def _momentum_regression(
-    briefing: Briefing,
+    prior: FilterPrior,
     gyro: np.ndarray,
     wheel_speed: np.ndarray,
     dt: float,
@@ -214,8 +209,8 @@ def _momentum_regression(
     constant_torque: bool,
 ) -> Regression:
     """Rows of the conservation of momentum; nuisances M_0, and tau where asked for."""
-    gyro, wheel_speed, dt = _readings(briefing, gyro, wheel_speed, dt, parameters)
-    wheels = briefing.wheels
+    gyro, wheel_speed, dt = _readings(prior, gyro, wheel_speed, dt, parameters)
+    wheels = prior.wheels
     attitude = _attitude(gyro, dt)
     to_body = attitude.transpose(0, 2, 1)
     columns = [_regressor(gyro, parameters), -to_body]
@@ -224,7 +219,7 @@ def _momentum_regression(
         impulse[1:] = np.cumsum(0.5 * dt * (attitude[1:] + attitude[:-1]), axis=0)
         columns.append(-to_body @ impulse)
     target = -(wheel_speed * wheels.inertia) @ wheels.axes.T
-    return _regression(briefing, np.concatenate(columns, axis=2), target, parameters, dt, attitude=attitude)
+    return _regression(prior, np.concatenate(columns, axis=2), target, parameters, dt, attitude=attitude)
 
 
 def _attitude(gyro: np.ndarray, dt: float) -> np.ndarray:

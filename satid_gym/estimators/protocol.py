@@ -6,7 +6,8 @@ from typing import Literal, Protocol, TypeGuard
 
 import numpy as np
 
-from satid_gym.estimators.settings import Briefing, Parameters
+from satid_gym.estimators.inertia import Parameters
+from satid_gym.estimators.prior import FilterPrior
 
 
 class Estimator(Protocol):
@@ -21,15 +22,15 @@ class Estimator(Protocol):
 
     The observation shows the readings as they are unless the estimator has a property `accepted`, and that is not None:
     (whether the gyro's last reading was accepted, wheel speeds (n,) to go by). Without an accepted reading of the gyro
-    it shows the estimator's own rate. Info's `guarded` and `rejected` stay 0.
+    it shows the estimator's own rate. Info's `constrained_updates` and `rejected` stay 0.
 
     An attribute `settings` with settings of the library is what a policy's mission says of it; without it, the defaults
     of its coordinates.
 
     Attributes:
         coordinates: "momentum" or "rate".
-        parameters: "principal" (p = 3), "full" (p = 6), or None: what the briefing given to `reset` says is needed
-            (`Briefing.needed_parameters`).
+        parameters: "principal" (p = 3), "full" (p = 6), or None: what the prior given to `reset` says is needed
+            (`FilterPrior.needed_parameters`).
         mean: (size,) state.
         covariance: (size, size).
     """
@@ -45,7 +46,7 @@ class Estimator(Protocol):
     def covariance(self) -> np.ndarray:
         """(size, size)."""
 
-    def reset(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+    def reset(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading: gyro (3,), wheel_speed (n,), rad/s."""
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:

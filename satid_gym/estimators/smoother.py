@@ -17,9 +17,10 @@ import scipy.linalg
 
 from satid_gym.config import check_number, real_array
 from satid_gym.core import kernels
-from satid_gym.estimators.belief import new_belief, new_work
-from satid_gym.estimators.compiled import FilterRun, MomentumEKF
-from satid_gym.estimators.settings import Briefing, MomentumEKFSettings
+from satid_gym.estimators.compiled import FilterRun
+from satid_gym.estimators.momentum import MomentumEKF, MomentumEKFSettings
+from satid_gym.estimators.prior import FilterPrior
+from satid_gym.estimators.records import new_belief, new_work
 
 
 class MomentumSmoother:
@@ -32,28 +33,28 @@ class MomentumSmoother:
     def __init__(self, **settings: object) -> None:
         self.settings = MomentumEKFSettings.from_dict(settings)
 
-    def run(self, briefing: Briefing, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float) -> FilterRun:
+    def run(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float) -> FilterRun:
         """Smooth a whole series of readings.
 
         Args:
-            briefing: what is known before.
+            prior: what is known before.
             gyro: (N, 3) rad/s.
             wheel_speed: (N, n) rad/s.
             dt: s between readings.
 
         Returns:
-            Smoothed mean and covariance; `nis` and `guarded` are the filter's.
+            Smoothed mean and covariance; `nis` and `constrained_updates` are the filter's.
 
         Raises:
             ValueError: a shape or a value is wrong.
         """
-        forward = MomentumEKF(**self.settings.to_dict()).run(briefing, gyro, wheel_speed, dt)
-        return self.correct(forward, briefing, wheel_speed, dt)
+        forward = MomentumEKF(**self.settings.to_dict()).run(prior, gyro, wheel_speed, dt)
+        return self.correct(forward, prior, wheel_speed, dt)
 
-    def correct(self, forward: FilterRun, briefing: Briefing, wheel_speed: np.ndarray, dt: float) -> FilterRun:
+    def correct(self, forward: FilterRun, prior: FilterPrior, wheel_speed: np.ndarray, dt: float) -> FilterRun:
         """Smooth what a MomentumEKF of the same settings has filtered; arguments are those of `run`."""
-        wheel_speed = real_array("wheel_speed", wheel_speed, (len(forward.mean), briefing.wheels.count))
-        transition = _Transition(briefing, self.settings, check_number("dt", dt, strict=True))
+        wheel_speed = real_array("wheel_speed", wheel_speed, (len(forward.mean), prior.wheels.count))
+        transition = _Transition(prior, self.settings, check_number("dt", dt, strict=True))
         mean, covariance = forward.mean.copy(), forward.covariance.copy()
         for k in range(len(mean) - 2, -1, -1):
             ahead, spread, jacobian = transition(mean[k], covariance[k], wheel_speed[k], wheel_speed[k + 1])
@@ -67,15 +68,15 @@ class MomentumSmoother:
 class _Transition:
     """The compiled filter's prediction between two readings, with its Jacobian."""
 
-    def __init__(self, briefing: Briefing, settings: MomentumEKFSettings, dt: float) -> None:
+    def __init__(self, prior: FilterPrior, settings: MomentumEKFSettings, dt: float) -> None:
         # The filter leaves the Jacobian of its last substep only, so its substeps are taken one by one here;
         # its tachometer noise counts for the whole of dt, which the factor makes up for.
         self.steps, self.h = settings.substeps, dt / settings.substeps
-        self.rows = new_belief(briefing, settings)
+        self.rows = new_belief(prior, settings)
         self.work = new_work(self.rows)
         self.rows["substeps"] = 1
         self.rows["wheel_momentum_covariance"] *= self.steps
-        self.spin = briefing.wheels.axes * briefing.wheels.inertia
+        self.spin = prior.wheels.axes * prior.wheels.inertia
 
     def __call__(
         self, mean: np.ndarray, covariance: np.ndarray, before: np.ndarray, after: np.ndarray

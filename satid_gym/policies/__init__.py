@@ -1,4 +1,4 @@
-"""Policies that fly: scripted, closed-loop and learned ones, with the settings and networks that are shipped."""
+"""Policies: scripted, closed-loop and learned ones, with the shipped settings and networks."""
 
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.registry import BASELINES, build, make_baseline, tuned_entry

@@ -1,6 +1,6 @@
-"""Learned policies: a small network in numpy, read from safetensors and JSON; loading one executes no code.
+"""Learned policies: small networks in NumPy, read from safetensors and JSON files; loading one executes no code.
 
-Files may come from anybody: their sizes, names, shapes and values are checked before anything is made of them.
+Files may come from untrusted sources: their sizes, names, shapes and values are checked before use.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from satid_gym.policy import Kind, Mission
 
 FORMAT = 1
 CONTROLS = ("rate", "torque")
-LARGEST = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
+FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _HEAD = ("format", "name", "control", "margin", "include_covariance", "sha256")
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """A multilayer perceptron with tanh between its layers.
+    """Multilayer perceptron with tanh between its layers.
 
     Attributes:
         weights: (out, in) of each layer.
@@ -43,20 +43,20 @@ class Network:
     biases: tuple[np.ndarray, ...]
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Output (N, out) for observations (N, in), in double precision: the same on every machine."""
+        """Output (N, out) for observations (N, in), in double precision, for the same result on every machine."""
         x = np.asarray(observation, dtype=np.float64)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = np.tanh(x @ weight.T + bias)
         return x @ self.weights[-1].T + self.biases[-1]
 
     def tensors(self) -> dict[str, np.ndarray]:
-        """The layers by name."""
+        """Tensors of the layers by name."""
         named = {f"weight.{i}": w for i, w in enumerate(self.weights)}
         return named | {f"bias.{i}": b for i, b in enumerate(self.biases)}
 
     @classmethod
     def from_tensors(cls, tensors: Mapping[str, np.ndarray]) -> Network:
-        """The inverse of `tensors`.
+        """Network from the tensors that `tensors` gives.
 
         Raises:
             ValueError: a layer is missing, not finite, or its shape does not fit the one before.
@@ -80,19 +80,19 @@ class Network:
 
 
 class LearnedPolicy:
-    """A network that commands body rates (through the rate loop) or wheel torque (at once).
+    """Policy of a network that commands body rates (through the rate loop) or wheel torque (directly).
 
     Args:
-        name: what tables call it.
-        network: from observation to command.
+        name: its name in tables.
+        network: maps observations to commands.
         control: "rate" or "torque".
-        margin: of the rate loop; see `RateLoop`.
+        margin: margin of the rate loop; see `RateLoop`.
         include_covariance: whether the network's observations include the filter's whole covariance.
-        details: how it was trained and what it scored; kept in the JSON file.
+        details: its training and scores; kept in the JSON file.
 
     Raises:
-        ValueError: the control is unknown, the name is no plain word, the margin no finite number of at least 0,
-            include_covariance no flag, or the network does not end in three body rates though it is to command them.
+        ValueError: the control is unknown, the name has invalid characters, the margin is not a finite number of at
+            least 0, include_covariance is not a bool, or a network that commands rates has other than 3 outputs.
     """
 
     kind: Kind = "learned"
@@ -117,7 +117,7 @@ class LearnedPolicy:
         self.details = dict(details or {})
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Take in the satellite.
+        """Prepare for the satellite.
 
         Raises:
             ValueError: the network was trained for another observation.
@@ -138,7 +138,7 @@ class LearnedPolicy:
         """Action (N, n).
 
         Raises:
-            ValueError: the observation is not finite, or has not one row an episode.
+            ValueError: the observation is not finite, or its shape is wrong.
         """
         check_observation(observation, self._layout)
         command = self.network(observation)
@@ -147,29 +147,29 @@ class LearnedPolicy:
         return self._loop(observation, command)
 
     def save(self, path: Path) -> None:
-        """Write `path`.safetensors and `path`.json, each whole or not at all; the second has the first's checksum."""
+        """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
         values = (FORMAT, self.name, self.control, self.margin, self.include_covariance, digest)
         head = dict(zip(_HEAD, values, strict=True))
-        write_bytes(_beside(path, ".safetensors"), tensors)
-        write_text(_beside(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
+        write_bytes(_with_ending(path, ".safetensors"), tensors)
+        write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> LearnedPolicy:
-        """Read what `save` wrote; `path` with or without an ending.
+        """Policy from the files that `save` wrote; `path` with or without an ending.
 
         Raises:
             FileNotFoundError: one of the two files is missing.
-            ValueError: a file is damaged, of another format, without the checksum, or holds what no policy has.
+            ValueError: a file is damaged, of another format, without the checksum, or has invalid content.
         """
         base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
-        tensors, text = _beside(base, ".safetensors"), _beside(base, ".json")
+        tensors, text = _with_ending(base, ".safetensors"), _with_ending(base, ".json")
         for file in (tensors, text):
             if not file.is_file():
                 raise FileNotFoundError(f"no policy at {base}: {file} is missing; a policy is a pair of files")
-            if file.stat().st_size > LARGEST:
-                raise ValueError(f"{file} has {file.stat().st_size} bytes, a policy at most {LARGEST}")
+            if file.stat().st_size > FILE_SIZE_MAX:
+                raise ValueError(f"{file} has {file.stat().st_size} bytes, a policy at most {FILE_SIZE_MAX}")
         head = read_json(text, "copy the policy again", keys=["format", "sha256"])
         if head["format"] != FORMAT:
             raise ValueError(f"{text} is not a policy of format {FORMAT}; train it again with this version")
@@ -189,7 +189,7 @@ class LearnedPolicy:
 
 
 def check_name(name: str) -> None:
-    """Refuse names that are no plain words: they become names of files, and cells of tables.
+    """Refuse names with invalid characters; they become names of files and cells of tables.
 
     Raises:
         ValueError: the name is empty, long, or holds other than letters, digits, dot, dash and underscore.
@@ -201,5 +201,5 @@ def check_name(name: str) -> None:
         )
 
 
-def _beside(path: Path, ending: str) -> Path:
+def _with_ending(path: Path, ending: str) -> Path:
     return path.with_name(path.name + ending)

@@ -1,10 +1,10 @@
-"""Model-predictive excitation: each decision the rate plan with the least expected error, with what the filter knows.
+"""Model-predictive excitation: at each decision the rate plan with the least expected error, from the filter's belief.
 
-A plan says for every decision of the horizon to which side each axis turns: information grows with the square of
-the rate, so between reversals the rate belongs at the limit. It minimises the relative error of the inertia that
-the filter expects, mean over the horizon: by the error itself a plan pays more for a deep fall of certainty than by
-its logarithm, log det, and reverses axes together. The plan of the decision before, one decision on, is improved by
-local search; its first decision is flown.
+A plan gives the sign of each axis's rate for every decision of the horizon: information grows with the square of
+the rate, so between reversals the rate should be at its limit. The cost is the relative error of the inertia that
+the filter expects, mean over the horizon: a short loss of certainty costs more by the error itself than by its
+logarithm (log det), so the axes of a plan reverse together. The plan of the previous decision, shifted by one decision,
+is improved by local search; its first decision is flown.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ import numpy as np
 from satid_gym.config import check_number
 from satid_gym.control.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import RateLoop
-from satid_gym.interface import seed_stream
+from satid_gym.gym_api import seed_stream
 from satid_gym.policy import Kind, Mission
 
-_FIRST_REVERSALS = (10, 17, 24)  # decision, by axis, of the plan that the search begins with
+_FIRST_REVERSALS = (10, 17, 24)  # decision of each axis's reversal in the initial plan
 
 
 class MPCPolicy:
-    """Receding-horizon A-optimal design.
+    """Receding-horizon A-optimal excitation.
 
     Args:
-        horizon: decisions ahead.
-        steps: of the forecast in each decision.
-        edits: of the plan that are tried in each decision.
-        margin: of the rate loop, see `RateLoop`.
-        walk: of the inertia, per sqrt(s), that it plans with where the scenario's filter is an AdaptiveEKF.
+        horizon: number of decisions ahead.
+        steps: integration steps of the forecast per decision.
+        edits: changes of the plan tried per decision.
+        margin: margin of the rate loop, see `RateLoop`.
+        walk: inertia walk of the forecast, per sqrt(s), if the scenario's filter is an AdaptiveEKF.
 
     Raises:
-        ValueError: horizon, steps or edits is not a whole number of at least 1, or margin or walk is negative.
+        ValueError: horizon, steps or edits is not an integer of at least 1, or margin or walk is negative.
     """
 
     name = "mpc"
@@ -49,14 +49,13 @@ class MPCPolicy:
     ) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps, edits)):
             raise ValueError(
-                "horizon, steps and edits must be whole numbers of at least 1, "
-                f"got {horizon!r}, {steps!r} and {edits!r}"
+                f"horizon, steps and edits must be integers of at least 1, got {horizon!r}, {steps!r} and {edits!r}"
             )
         self.horizon, self.steps, self.edits = horizon, steps, edits
         self.margin, self.walk = check_number("margin", margin), check_number("walk", walk)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Take in the satellite and its noise; every search begins with the same plan."""
+        """Prepare the rate loop, the planner and the initial plan, which is the same for every episode."""
         self._loop = RateLoop([mission], self.margin)
         self._planner = Planner(mission, len(seeds), self.steps, self.margin, self.walk)
         self._streams = np.stack([seed_stream(np.random.default_rng([seed, 3])) for seed in seeds])
@@ -69,25 +68,25 @@ class MPCPolicy:
         return self._loop(observation, self.plan(observation))
 
     def plan(self, observation: np.ndarray) -> np.ndarray:
-        """Rate command (N, 3), each -1 or 1, for the decision that the observation (N, size) begins."""
+        """Rate command (N, 3), each -1 or 1, for the decision after the observation (N, size)."""
         self._search(observation)
         return self._advance()
 
     def weigh(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The plan's command (N, 3), and what each of its sides is worth: see `Planner.advantage`."""
+        """Command (N, 3) of the plan, and the value of each of its sides, see `Planner.side_value`."""
         ahead = self._search(observation)
-        advantage = self._planner.advantage(self._plans, ahead)
-        return self._advance(), advantage
+        side_value = self._planner.side_value(self._plans, ahead)
+        return self._advance(), side_value
 
     def _search(self, observation: np.ndarray) -> int:
-        """Improve the plans; the decisions that they look ahead, as far as the episode goes."""
+        """Improve the plans; returns the number of decisions ahead, at most those left in the episode."""
         self._planner.observe(observation)
         ahead = max(1, min(self.horizon, self._left))
         self._planner.improve(self._plans, self._streams, self.edits, ahead)
         return ahead
 
     def _advance(self) -> np.ndarray:
-        """What the plans begin with; they move on by a decision."""
+        """First command (N, 3) of the plans, which are then shifted by a decision."""
         command = self._plans[:, 0].copy()
         self._plans[:, :-1] = self._plans[:, 1:]
         self._left -= 1

@@ -1,8 +1,8 @@
-"""Open-loop D-optimal excitation: a torque script designed before the flight for the nominal satellite.
+"""Open-loop D-optimal excitation by a torque script, designed before the flight for the nominal satellite.
 
-A plan says how long each axis keeps its rate between reversals. The nominal satellite starts at rest, wheels
-too, so its total momentum is zero, nothing is gyroscopic, and rates follow from torque axis by axis. Plans
-come from `python -m baselines.design`, which keeps them in open_loop_optimal.json.
+A plan gives the time for which each axis keeps its rate between reversals. The nominal satellite and its wheels start
+at rest, so the total momentum is zero, there is no gyroscopic torque, and rates follow from torque axis by axis.
+`python -m baselines.tuning.open_loop_design` finds the plans and writes them to open_loop_optimal.json.
 """
 
 from __future__ import annotations
@@ -21,29 +21,26 @@ from satid_gym.profiles import wheel_torque
 from satid_gym.satellite import Satellite
 
 DESIGNS = Path(__file__).with_name("open_loop_optimal.json")
-PREPARED_AS = {"faults": "default"}  # scenarios for which nobody prepares: faults are not known before
-_RESERVE = 0.95  # of torque and of wheel momentum that a plan uses
+PREPARED_AS = {"faults": "default"}  # scenarios flown with the settings of another: faults are not known in advance
+_USABLE = 0.95  # share of torque and of wheel momentum that a plan uses
 
 
 def planned_rates(
     dwell: np.ndarray, satellite: Satellite, fraction: float, decisions: int, period: float
 ) -> np.ndarray:
-    """Body rates of plans.
+    """Body rates (..., decisions + 1, 3) of plans, rad/s, at the decisions' edges and linear between.
 
     Args:
-        dwell: (..., 3, K) decisions that an axis goes toward one side before it reverses; after the last it stays.
+        dwell: (..., 3, K) decisions between the reversals of an axis's rate; after the last it keeps its sign.
         satellite: nominal, with its limits.
-        fraction: of the rate limit that is aimed at, less where the wheels cannot store it.
-        decisions: how many.
-        period: of a decision, s.
-
-    Returns:
-        (..., decisions + 1, 3) rad/s at the decisions' edges, linear between.
+        fraction: share of the rate limit aimed at; less if the wheels cannot store the momentum.
+        decisions: number of decisions.
+        period: duration of a decision, s.
     """
     wheels, inertia = satellite.wheels, np.abs(satellite.inertia)
-    strength = 1.0 / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # body torque about every axis at once
-    stored = _RESERVE * strength * (wheels.inertia * wheels.max_speed).min() / inertia.sum(axis=0)
-    slew = _RESERVE * strength * wheels.max_torque.min() * period / inertia.sum(axis=0)
+    strength = 1.0 / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # torque on all axes per wheel torque
+    stored = _USABLE * strength * (wheels.inertia * wheels.max_speed).min() / inertia.sum(axis=0)
+    slew = _USABLE * strength * wheels.max_torque.min() * period / inertia.sum(axis=0)
     cap = np.minimum(fraction * satellite.rate_limit, stored)
     edges = np.cumsum(dwell, axis=-1)
     rates = np.zeros((*dwell.shape[:-2], decisions + 1, 3))
@@ -54,11 +51,11 @@ def planned_rates(
 
 
 class OpenLoopOptimalPolicy:
-    """Plays the script designed for the satellite and scenario, whatever is observed.
+    """Open-loop player of the script designed for the satellite and scenario.
 
     Args:
         dwell: plan, see `planned_rates`, rows of any length; None for the stored one.
-        fraction: of the rate limit that is aimed at; None for the stored one.
+        fraction: share of the rate limit aimed at; None for the stored one.
 
     Raises:
         ValueError: the fraction is not within (0, 1].
@@ -72,10 +69,10 @@ class OpenLoopOptimalPolicy:
         self.fraction = None if fraction is None else check_number("fraction", fraction, strict=True, high=1.0)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Write the script.
+        """Compute the script.
 
         Raises:
-            ValueError: nothing was designed for the satellite in the scenario.
+            ValueError: there is no design for the satellite in the scenario.
         """
         satellite, period = mission.satellite, mission.scenario.decision_period
         dwell, fraction = self.dwell, self.fraction
@@ -83,8 +80,8 @@ class OpenLoopOptimalPolicy:
             design = design_of(satellite.name, mission.scenario.name)
             dwell, fraction = dwell or design["dwell"], fraction or design["fraction"]
         rates = planned_rates(_pad(dwell), satellite, fraction, mission.scenario.decisions, period)
-        loose = satellite.inertia - satellite.wheels.carried_inertia
-        torque = wheel_torque(np.diff(rates, axis=0) @ loose / period, satellite.wheels)
+        J_free = satellite.inertia - satellite.wheels.rotor_inertia
+        torque = wheel_torque(np.diff(rates, axis=0) @ J_free / period, satellite.wheels)
         self._script = np.clip(torque / satellite.wheels.max_torque, -1.0, 1.0)
         self._decision = 0
 
@@ -100,20 +97,24 @@ class NotPreparedError(ValueError):
 
 
 def design_of(satellite: str, scenario: str, designs: Path = DESIGNS) -> dict[str, Any]:
-    """The stored design of a satellite in a scenario; what a file of designs lacks is taken from the shipped one.
+    """Stored design of a satellite in a scenario; designs that the file lacks are taken from the shipped one.
 
     Raises:
-        NotPreparedError: there is none.
+        NotPreparedError: no design is stored.
     """
     scenario = PREPARED_AS.get(scenario, scenario)
     for file in (designs, DESIGNS):
-        found = entries_of(file, "baselines.design").get((OpenLoopOptimalPolicy.name, satellite, scenario))
+        found = entries_of(file, "baselines.tuning.open_loop_design").get(
+            (OpenLoopOptimalPolicy.name, satellite, scenario)
+        )
         if found is not None:
             return found
-    known = sorted(key[1:] for file in (designs, DESIGNS) for key in entries_of(file, "baselines.design"))
+    known = sorted(
+        key[1:] for file in (designs, DESIGNS) for key in entries_of(file, "baselines.tuning.open_loop_design")
+    )
     raise NotPreparedError(
         f"no open-loop design for satellite {satellite!r} in scenario {scenario!r}, only for {known}; "
-        "python -m baselines.design makes them"
+        "python -m baselines.tuning.open_loop_design finds them"
     )
 
 
@@ -122,12 +123,12 @@ def entries_of(file: Path, command: str) -> dict[tuple[str, str, str], dict[str,
 
     Args:
         file: the file.
-        command: that writes such files.
+        command: command that writes such files.
 
     Raises:
-        DamagedFileError: it is missing or is no such file.
+        DamagedFileError: it is missing or has another content.
     """
-    # as of its last change: the file may be written while the process runs
+    # the time of change is part of the key, because the file may be written while the process runs
     return _entries(file, command, file.stat().st_mtime_ns if file.is_file() else 0)
 
 
@@ -135,7 +136,7 @@ def entries_of(file: Path, command: str) -> dict[tuple[str, str, str], dict[str,
 def _entries(file: Path, command: str, _: int) -> dict[tuple[str, str, str], dict[str, Any]]:
     remedy = f"python -m {command} writes it"
     entries = read_json(file, remedy, keys=["entries"])["entries"]
-    default = OpenLoopOptimalPolicy.name if command == "baselines.design" else None
+    default = OpenLoopOptimalPolicy.name if command == "baselines.tuning.open_loop_design" else None
     try:
         return {(entry.get("policy", default), entry["satellite"], entry["scenario"]): entry for entry in entries}
     except (TypeError, KeyError, AttributeError) as error:
@@ -143,6 +144,6 @@ def _entries(file: Path, command: str, _: int) -> dict[tuple[str, str, str], dic
 
 
 def _pad(dwell: Sequence[Sequence[int]]) -> np.ndarray:
-    """(3, K) of rows of different lengths; what is missing never comes."""
+    """Array (3, K) of rows of different lengths, padded with infinity: no further reversal."""
     longest = max(map(len, dwell))
     return np.array([[*row, *[np.inf] * (longest - len(row))] for row in dwell])

@@ -1,7 +1,7 @@
-"""Closed-loop excitation: body rates that follow square waves just inside the envelope.
+"""Closed-loop excitation by body rates that follow square waves just inside the envelope.
 
-The information on a moment of inertia grows with the square of its body rate, so the rate should sit at the
-limit, one side and then the other, on each axis; axes change sides a third of a period apart.
+The information on a moment of inertia grows with the square of its body rate, so each rate is kept near its limit
+and reversed periodically; the axes reverse a third of a period apart.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class RateSquarePolicy:
     """Tracks staggered square waves of body rate.
 
     Args:
-        period: of the square wave, s.
-        margin: of the rate loop, see `RateLoop`.
+        period: period of the square wave, s.
+        margin: margin of the rate loop, see `RateLoop`.
 
     Raises:
         ValueError: the period is not positive or the margin is negative.
@@ -36,7 +36,7 @@ class RateSquarePolicy:
         self.margin = check_number("margin", margin)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Take in the satellite and its noise."""
+        """Prepare the rate loop for the satellite."""
         self._loop = RateLoop([mission], self.margin)
         self._duration = mission.scenario.decision_period
         self._decision = 0

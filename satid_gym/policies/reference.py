@@ -1,4 +1,4 @@
-"""References that any excitation must beat: noise, and nothing."""
+"""Reference policies that every excitation must beat: random torque and zero torque."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from satid_gym.policy import Kind, Mission
 
-_STREAM = 1  # keeps the policy's draws apart from the environment's, which start from the same seed
+_STREAM = 1  # makes the policy's draws independent of the environment's for the same seed
 
 
 class RandomPolicy:
-    """Each wheel's torque uniform within its limits, drawn anew each decision from the episodes' seeds."""
+    """Wheel torques uniform within their limits, a new draw for each decision from the episodes' seeds."""
 
     name = "random"
     kind: Kind = "reference"
@@ -31,7 +31,7 @@ class RandomPolicy:
 
 
 class ZeroPolicy:
-    """No torque: what the motors' noise and the disturbance alone reveal."""
+    """Zero torque: excitation by the motors' noise and the disturbance alone."""
 
     name = "zero"
     kind: Kind = "reference"

@@ -1,13 +1,15 @@
-"""All baselines by name, with the settings that `python -m baselines.tune` found for them."""
+"""Registry of the baselines by name, with the settings that `python -m baselines.tune` found for them."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from satid_gym.config import unknown_name
+from satid_gym.policies import grids
 from satid_gym.policies.greedy import GreedyPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.open_loop_optimal import (
@@ -31,22 +33,47 @@ def _staggered_square(amplitude: float, period: float) -> ScriptedPolicy:
     return ScriptedPolicy("staggered_square", functools.partial(staggered_square, period=period), amplitude)
 
 
-BASELINES: dict[str, Callable[..., Policy]] = {
-    **{name: functools.partial(ScriptedPolicy, name, profile) for name, profile in PROFILES.items()},
-    "staggered_square": _staggered_square,
-    "open_loop_optimal": OpenLoopOptimalPolicy,
-    "rate_square": RateSquarePolicy,
-    "greedy": functools.partial(GreedyPolicy, "greedy", 1),
-    "greedy_horizon": functools.partial(GreedyPolicy, "greedy_horizon", 8),
-    "mpc": MPCPolicy,
-    "random": RandomPolicy,
-    "zero": ZeroPolicy,
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """Entry of the registry.
+
+    Attributes:
+        make: builds the policy from its settings.
+        grid: settings that `baselines.tune` tries, see `satid_gym.policies.grids`; a baseline that is tuned needs one.
+        tuned: whether `baselines.tune` finds its settings; False for one that has none, or is designed in another way.
+        planner: whether it plans ahead in each decision: its flights take most of a comparison's time, so it is
+            tuned on fewer episodes, and `agents.compare` flies it only with `--all`.
+    """
+
+    make: Callable[..., Policy]
+    grid: grids.Grid | None = None
+    tuned: bool = True
+    planner: bool = False
+
+
+def _planner(make: Callable[..., Policy]) -> Baseline:
+    return Baseline(make=make, grid=grids.planner, planner=True)
+
+
+BASELINES: dict[str, Baseline] = {
+    **{
+        name: Baseline(make=functools.partial(ScriptedPolicy, name, profile), grid=grids.paper_profile(name))
+        for name, profile in PROFILES.items()  # the paper's eight; a signal of your own is an entry below, not of these
+    },
+    "staggered_square": Baseline(make=_staggered_square, grid=grids.staggered_square),
+    "open_loop_optimal": Baseline(make=OpenLoopOptimalPolicy, tuned=False),  # has designs
+    "rate_square": Baseline(make=RateSquarePolicy, grid=grids.rate_square),
+    "greedy": _planner(functools.partial(GreedyPolicy, "greedy", 1)),
+    "greedy_horizon": _planner(functools.partial(GreedyPolicy, "greedy_horizon", 8)),
+    "mpc": _planner(MPCPolicy),
+    "random": Baseline(make=RandomPolicy, tuned=False),
+    "zero": Baseline(make=ZeroPolicy, tuned=False),
 }
-UNTUNED = ("open_loop_optimal", "random", "zero")  # no sweep sets them
+PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)
 
 
 def build(name: str, settings: dict[str, float]) -> Policy:
-    """A baseline with settings of one's own.
+    """Baseline with given settings.
 
     Raises:
         ValueError: the name is unknown or a setting is not valid.
@@ -54,31 +81,33 @@ def build(name: str, settings: dict[str, float]) -> Policy:
     """
     if name not in BASELINES:
         raise unknown_name("baseline", name, BASELINES)
-    return BASELINES[name](**settings)
+    return BASELINES[name].make(**settings)
 
 
 def make_baseline(
     name: str, satellite: str, scenario: str = "default", *, tuned: Path = TUNED, designs: Path = DESIGNS
 ) -> Policy:
-    """A baseline with the settings that were found for a satellite in a scenario.
+    """Baseline with the settings tuned for a satellite in a scenario.
 
     Args:
-        name: of the baseline.
+        name: name of the baseline.
         satellite, scenario: their names.
-        tuned: file of `python -m baselines.tune`; what it lacks is taken from the one that is shipped.
-        designs: file of `python -m baselines.design`, likewise.
+        tuned: file of `python -m baselines.tune`; settings that it lacks are taken from the shipped file.
+        designs: file of `python -m baselines.tuning.open_loop_design`, likewise.
 
     Raises:
-        ValueError: the name is unknown, or there are no settings for that satellite and scenario.
+        ValueError: the name is unknown, or no settings are stored for that satellite and scenario.
     """
     if name == OpenLoopOptimalPolicy.name:
         design = design_of(satellite, scenario, designs)
         return OpenLoopOptimalPolicy(design["dwell"], design["fraction"])
-    return build(name, {} if name in UNTUNED else tuned_entry(name, satellite, scenario, tuned)["settings"])
+    if name in BASELINES and not BASELINES[name].tuned:
+        return build(name, {})
+    return build(name, tuned_entry(name, satellite, scenario, tuned)["settings"])
 
 
 def tuned_entry(name: str, satellite: str, scenario: str = "default", tuned: Path = TUNED) -> dict[str, Any]:
-    """Settings of a baseline and the score they reached in tuning; arguments as of `make_baseline`.
+    """Settings of a baseline and their score in tuning; arguments as of `make_baseline`.
 
     Raises:
         ValueError: the name is unknown, or it was not tuned for that satellite and scenario.
@@ -93,5 +122,5 @@ def tuned_entry(name: str, satellite: str, scenario: str = "default", tuned: Pat
     known = sorted({key[1:] for file in (tuned, TUNED) for key in entries_of(file, "baselines.tune") if key[0] == name})
     raise NotPreparedError(
         f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}, only for {known}; "
-        "baselines.tune.tune finds settings for any satellite, satid_gym.policies.registry.build takes them"
+        "python -m baselines.tune finds settings for any satellite, satid_gym.policies.registry.build takes them"
     )

@@ -1,4 +1,4 @@
-"""Open-loop excitation: a signal written down before the flight."""
+"""Open-loop excitation by a torque signal that is fixed before the flight."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Signal = Callable[..., np.ndarray]
 
 
 def staggered_square(time: np.ndarray, *, period: float, horizon: float | None = None) -> np.ndarray:
-    """Square waves a third of a period apart whose body rates swing evenly about zero.
+    """Square waves a third of a period apart, for body rates symmetric about zero.
 
-    An axis begins with a quarter of its wave, so that its rate, the integral, is a triangle centred on zero.
-    It waits with no torque until it is due: y for a third of a period, z for a sixth with its sign reversed,
-    which is the wave that is due after two thirds.
+    Each axis begins with a quarter of its wave, so that its rate, the integral, is a triangle wave centred on zero.
+    Before that it has no torque: y for a third of a period; z for a sixth, and then with the sign reversed, which
+    equals the wave delayed by two thirds.
 
     Args:
         time: (N,) s.
         period: s.
-        horizon: unused; the wave lasts as long as asked.
+        horizon: unused; the wave has no end.
 
     Returns:
         (N, 3) torque on the body axes, in multiples of the amplitude.
@@ -34,13 +34,13 @@ def staggered_square(time: np.ndarray, *, period: float, horizon: float | None =
 
 
 class ScriptedPolicy:
-    """Plays a signal, whatever is observed.
+    """Open-loop player of a torque signal.
 
     Args:
-        name: what tables call it.
+        name: its name in tables.
         signal: (time (N,), horizon=T) -> (N, 3) unit torque on the body axes.
-        amplitude: N m on the body for a unit, as a fraction of the weakest wheel's torque limit. Wheels that
-            would need more than their limit give their limit.
+        amplitude: body torque for a signal of 1, as a fraction of the weakest wheel's torque limit; wheel torques
+            are clipped to their limits.
 
     Raises:
         ValueError: the amplitude is not positive.
@@ -54,7 +54,7 @@ class ScriptedPolicy:
         self.amplitude = check_number("amplitude", amplitude, strict=True)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Write the script: the torque at the beginning of each decision is held through it."""
+        """Compute the script: the torque at the start of each decision is held until its end."""
         scenario, wheels = mission.scenario, mission.satellite.wheels
         time = scenario.decision_period * np.arange(scenario.decisions)
         body = self.amplitude * wheels.max_torque.min() * self.signal(time, horizon=scenario.horizon)

@@ -1,4 +1,4 @@
-"""The policies that come with the project, and policies by name or path."""
+"""Shipped policies, and learned policies by name or path."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ def names() -> list[str]:
 
 
 def shipped() -> list[LearnedPolicy]:
-    """The shipped policies."""
+    """Shipped policies."""
     return [LearnedPolicy.load(PRETRAINED / name) for name in names()]
 
 
 def find(policy: str) -> LearnedPolicy:
-    """A shipped policy by name, or any by the path of its files or of the folder of the run that trained it.
+    """Learned policy by the name of a shipped one, or by the path of its files or of its training run's folder.
 
     `NAME=PATH` gives it another name.
 
     Raises:
-        ValueError: there is neither, or the name is no plain word.
+        ValueError: no such policy or file exists, or the name has invalid characters.
     """
     if policy in names():
         return LearnedPolicy.load(PRETRAINED / policy)
@@ -42,6 +42,6 @@ def find(policy: str) -> LearnedPolicy:
 
 
 def _renamed(policy: str) -> tuple[str | None, Path]:
-    """Name and path of NAME=PATH; a folder of which the sign is a part is no name."""
+    """Name and path of NAME=PATH; no name if the sign is part of a folder's name."""
     name, sign, path = policy.partition("=")
     return (name, Path(path)) if sign and name == Path(name).name else (None, Path(policy))

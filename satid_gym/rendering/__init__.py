@@ -1,4 +1,4 @@
-"""Pictures of an episode for people; `SatInertiaIDEnv(render_mode="rgb_array")` draws them. Needs pygame."""
+"""Pictures of an episode, drawn by `SatInertiaIDEnv(render_mode="rgb_array")`; needs pygame."""
 
 from satid_gym.rendering.frame import draw
 from satid_gym.rendering.history import History

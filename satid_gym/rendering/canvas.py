@@ -1,4 +1,4 @@
-"""A canvas: smooth shapes and text, in units of its own, one of which may be more or less than a pixel."""
+"""Canvas for smooth shapes and text, in units that are independent of the pixels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Align = Literal["left", "centre", "right"]
 Point = np.ndarray | tuple[float, float]
 Points = np.ndarray | Sequence[Point]
 
-_OVERSAMPLING = 2  # shapes are drawn this much larger and averaged
+_OVERSAMPLING = 2  # factor by which shapes are drawn larger, before pixels are averaged
 
 BACKGROUND: Colour = (13, 18, 30)
 PANEL: Colour = (20, 27, 43)
@@ -41,7 +41,7 @@ SERIES: tuple[Colour, ...] = (  # x, y, z; then wheels beyond the third
 
 
 def shade(colour: Colour, other: Colour, share: float) -> Colour:
-    """`colour` with a `share` of `other` mixed in."""
+    """Mixture of `colour` with a `share` of `other`."""
     return tuple(round((1.0 - share) * a + share * b) for a, b in zip(colour, other, strict=True))  # type: ignore[return-value]
 
 
@@ -58,11 +58,11 @@ def _font(height: int) -> pygame.font.Font:
 
 
 class Canvas:
-    """What a frame is drawn on.
+    """Drawing area of a frame; coordinates are in units, x to the right and y down.
 
     Args:
-        width, height: in units.
-        pixels_per_unit: how large a unit is.
+        width, height: size in units.
+        pixels_per_unit: pixels per unit.
     """
 
     def __init__(self, width: float, height: float, pixels_per_unit: float = 1.0) -> None:
@@ -72,43 +72,43 @@ class Canvas:
         self._surface.fill(BACKGROUND)
 
     def _points(self, points: Points) -> list[list[float]]:
-        # beyond this gfxdraw's 16 bit coordinates would wrap around
+        # gfxdraw's 16 bit coordinates overflow beyond this
         return np.clip(np.asarray(points, dtype=float) * self._scale, -16000.0, 16000.0).tolist()
 
     def clip(self, x: float, y: float, width: float, height: float) -> None:
-        """Keep the shapes that follow within a rectangle."""
+        """Restrict the following shapes to a rectangle."""
         self._surface.set_clip(pygame.Rect(*(round(v * self._scale) for v in (x, y, width, height))))
 
     def unclip(self) -> None:
-        """Let the shapes that follow go anywhere."""
+        """Remove the restriction of `clip`."""
         self._surface.set_clip(None)
 
     def rectangle(self, x: float, y: float, width: float, height: float, colour: Colour, radius: float = 0.0) -> None:
-        """A filled rectangle with round corners."""
+        """Draw a filled rectangle with round corners."""
         rectangle = pygame.Rect(*(round(v * self._scale) for v in (x, y, width, height)))
         pygame.draw.rect(self._surface, colour, rectangle, border_radius=round(radius * self._scale))
 
     def polygon(self, points: Points, colour: Colour, opacity: float = 1.0) -> None:
-        """A filled polygon (N, 2)."""
+        """Draw a filled polygon (N, 2)."""
         if opacity < 1.0:
             pygame.gfxdraw.filled_polygon(self._surface, self._points(points), (*colour, round(255 * opacity)))
         else:
             pygame.draw.polygon(self._surface, colour, self._points(points))
 
     def line(self, points: Points, colour: Colour, width: float = 1.0, closed: bool = False) -> None:
-        """A line through points (N, 2), N >= 2."""
+        """Draw a line through points (N, 2), N >= 2."""
         corners = self._points(points)
         thickness = max(1, round(width * self._scale))
         pygame.draw.lines(self._surface, colour, closed, corners, thickness)
 
     def dot(self, place: Point, radius: float, colour: Colour) -> None:
-        """A filled circle."""
+        """Draw a filled circle."""
         pygame.draw.circle(
             self._surface, colour, (place[0] * self._scale, place[1] * self._scale), radius * self._scale
         )
 
     def arrow(self, start: np.ndarray, tip: np.ndarray, colour: Colour, width: float = 2.0) -> None:
-        """An arrow from `start` to `tip`, (2,) each; one too short for a head is a dot."""
+        """Draw an arrow from `start` to `tip`, (2,) each; a dot if it is too short for a head."""
         along = tip - start
         length = float(np.hypot(*along))
         head = 4.0 * width
@@ -125,7 +125,7 @@ class Canvas:
     def text(
         self, place: Point, words: str, colour: Colour = TEXT, height: float = 11.0, align: Align = "left"
     ) -> float:
-        """Words to the right of, about, or to the left of a point at half their height; returns their width."""
+        """Draw text that begins at, is centred on or ends at a point; returns its width in units."""
         picture = _font(round(1.35 * height * self._scale)).render(words, True, colour)
         width, tall = picture.get_size()
         shift = {"left": 0.0, "centre": 0.5, "right": 1.0}[align] * width
@@ -133,6 +133,6 @@ class Canvas:
         return width / self._scale
 
     def pixels(self) -> np.ndarray:
-        """The picture (height, width, 3), uint8."""
+        """Picture (height, width, 3), uint8."""
         smooth = pygame.transform.smoothscale(self._surface, self._size)
         return np.ascontiguousarray(pygame.surfarray.array3d(smooth).swapaxes(0, 1))

@@ -1,4 +1,4 @@
-"""A frame: the satellite, its rates and wheels against their limits, and what is known of its inertia."""
+"""Frame of an episode: the satellite, its rates and wheel speeds with their limits, and its inertia estimate."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from satid_gym.rendering.history import History
 from satid_gym.rendering.scene import Scene, stars
 from satid_gym.rendering.strip import Strip
 
-UNITS = 480  # width and height of a frame, in which the places below are
-_MARGIN = 0.03  # of a moment: how far its strip reaches beyond where the truth has been; the present estimate fits in
+UNITS = 480  # width and height of a frame, the unit of the coordinates below
+_MARGIN = 0.03  # of a moment, by which its strip extends beyond the range of the truth
 
 
 def draw(history: History, size: int) -> np.ndarray:
-    """The episode so far as a picture.
+    """Picture of the episode so far.
 
     Args:
         history: with at least one entry.
@@ -53,7 +53,7 @@ def _scene(canvas: Canvas, history: History) -> None:
 
 
 def _limits(canvas: Canvas, history: History, y: float, title: str, values: np.ndarray, names: str) -> None:
-    """Curves in multiples of their limit, red where one is beyond."""
+    """Draw curves in multiples of their limit; the title is red while one is beyond it."""
     strip = Strip(
         canvas=canvas, x=294.0, y=y + 18.0, width=176.0, height=80.0, horizon=history.horizon, low=-1.25, high=1.25
     )
@@ -71,7 +71,7 @@ def _limits(canvas: Canvas, history: History, y: float, title: str, values: np.n
 
 
 def _inertia(canvas: Canvas, history: History) -> None:
-    """A strip for each moment: estimate, three standard deviations about it, and truth."""
+    """Draw a strip for each moment: estimate, its band of three standard deviations, and truth."""
     canvas.text((10.0, 270.0), "inertia, kg m²", TEXT)
     canvas.text((96.0, 270.0), "estimate, 3σ band, truth in white", MUTED)
     error = history.relative_error[-1]

@@ -1,4 +1,4 @@
-"""What happened in an episode so far, as far as a picture shows it. No drawing library is needed here."""
+"""History of an episode for its pictures; it needs no drawing library."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from satid_gym.satellite import Satellite
 
 
 class History:
-    """Truth and belief at the start and after each decision. For people: truth is in it.
+    """Truth and belief at the start and after each decision; for display only, since it contains the truth.
 
     Args:
-        satellite: as it is operated.
-        decisions: the horizon.
-        decision_period: s.
-        law: the core's number of the inertia law.
+        satellite: with its limits in operation.
+        decisions: number of decisions of the episode.
+        decision_period: duration of a decision, s.
+        law: number of the inertia law in the core.
 
     Attributes:
-        count: entries noted so far.
+        count: number of entries so far.
     """
 
     def __init__(self, satellite: Satellite, decisions: int, decision_period: float, law: int) -> None:
@@ -41,7 +41,7 @@ class History:
         }
 
     def note(self, plant: np.void, belief: np.void, report: np.void) -> None:
-        """Add the present state, from the core's records."""
+        """Append the present state from the core's records."""
         i = self.count
         for name in ("time", "attitude", "momentum", "rate", "wheel_speed"):
             self._series[name][i] = plant[name]

@@ -1,7 +1,7 @@
-"""The satellite in space: its box and wheels, body and inertial axes, momentum and rate.
+"""Scene of a frame: the satellite's box and wheels, body and inertial axes, momentum and rate.
 
-Seen from a fixed direction of the inertial frame, without perspective. Momentum stays where it is while the
-body turns, for no torque but a small one from outside acts on the whole.
+Seen from a fixed direction of the inertial frame, without perspective. The momentum keeps its direction while the
+body turns, because only a small external torque acts on the satellite.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ _RIGHT = np.cross([0.0, 0.0, 1.0], _TOWARDS) / np.linalg.norm(np.cross([0.0, 0.0
 _VIEW = np.stack([_RIGHT, np.cross(_TOWARDS, _RIGHT), _TOWARDS])  # inertial to right, up, towards the viewer
 _LIGHT = np.array([0.25, -0.45, 0.86])
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
-_SLOWED = 2.5  # rad that a wheel at its limit is drawn to turn in a decision: the real ones turn hundreds
-_SHARE = 0.2  # of the wheels' capacity: momentum whose arrow is as long as that of a rate at its limit
-_LONGEST = 1.25  # of such arrows
+_WHEEL_TURN = 2.5  # rad per decision by which a wheel at its speed limit is drawn to turn; really hundreds
+_MOMENTUM_UNIT = 0.2  # of the wheels' capacity: momentum whose arrow has the length of a rate at its limit
+_ARROW_MAX = 1.25  # of that length
 
 
 def box(satellite: Satellite) -> tuple[np.ndarray, np.ndarray]:
     """Edges (3,) of the satellite's box and its axes in the body frame, the columns of (3, 3).
 
-    The size where it is known, in m; otherwise that of the uniform box with the same inertia, J_x = m (b^2 +
-    c^2) / 12 and so on, up to a factor.
+    The edges are the satellite's size, m, if it is given; otherwise those of the uniform box with the same inertia,
+    J_x = m (b^2 + c^2) / 12 and so on, up to a factor.
     """
     if satellite.size is not None:
         return satellite.size, np.eye(3)
@@ -41,35 +41,35 @@ def box(satellite: Satellite) -> tuple[np.ndarray, np.ndarray]:
 
 
 def capacity(wheels: ReactionWheels) -> float:
-    """Angular momentum of all wheels at their speed limits, N m s, the largest about a body axis."""
+    """Angular momentum of all wheels at their speed limits, N m s, about the body axis with the largest."""
     return float((np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)).max())
 
 
 class Scene:
-    """The view of one moment, the last of a history.
+    """View of the last entry of a history.
 
     Args:
-        canvas: to draw on.
-        centre: (2,) where the satellite's centre goes.
-        radius: how far its corners may go from there.
-        history: of the episode.
+        canvas: the canvas to draw on.
+        centre: (2,) place of the satellite's centre on the canvas.
+        radius: largest distance of its corners from there.
+        history: history of the episode.
     """
 
     def __init__(self, canvas: Canvas, centre: tuple[float, float], radius: float, history: History) -> None:
         self.canvas, self.history, self.radius = canvas, history, radius
         self.centre = np.array(centre)
         self.edges, axes = box(history.satellite)
-        self.scale = 2.0 * radius / float(np.linalg.norm(self.edges))  # units a metre, or whatever the edges are in
+        self.scale = 2.0 * radius / float(np.linalg.norm(self.edges))  # canvas units per unit of the edges
         self.to_view = _VIEW @ Rotation.from_quat(history.attitude[-1]).as_matrix()
         self.box_to_view = self.to_view @ axes
         self.light = _VIEW @ _LIGHT
 
     def place(self, view: np.ndarray) -> np.ndarray:
-        """Places (..., 2) on the canvas of points (..., 3) in the view frame, in units of the canvas."""
+        """Coordinates (..., 2) on the canvas of points (..., 3) in the view frame."""
         return self.centre + view[..., :2] * np.array([1.0, -1.0])
 
     def draw(self) -> None:
-        """Everything, from the back to the front."""
+        """Draw everything, from back to front."""
         self.inertial_axes()
         self.faces(front=False)
         wheels = self.history.satellite.wheels
@@ -81,7 +81,7 @@ class Scene:
         self.vectors()
 
     def inertial_axes(self) -> None:
-        """A triad beside the satellite."""
+        """Draw the triad of the inertial axes next to the satellite."""
         origin = self.centre + np.array([-1.34, 1.10]) * self.radius
         for i, name in enumerate("XYZ"):
             along = _VIEW[:2, i] * np.array([1.0, -1.0])
@@ -89,7 +89,7 @@ class Scene:
             self.canvas.text(origin + 27.0 * along, name, MUTED, 9.0, "centre")
 
     def faces(self, front: bool) -> None:
-        """The three sides of the box that look away from the viewer, or the three in front."""
+        """Draw the three faces of the box in front, or the three at the back."""
         half = 0.5 * self.edges * self.scale
         for i in range(3):
             normal = self.box_to_view[:, i]
@@ -109,14 +109,14 @@ class Scene:
                 self.canvas.line(outline, (74, 91, 128), 0.5, closed=True)
 
     def wheel_centres(self, wheels: ReactionWheels) -> np.ndarray:
-        """(3, n) where the wheels sit: on their axes, half way to the side of the box."""
+        """Centres (3, n) of the wheels: on their axes, 0.60 of the way to the nearest face of the box."""
         half = 0.5 * self.edges.min() * self.scale
         return 0.60 * half * wheels.axes
 
     def wheel(self, k: int, centre: np.ndarray, axis: np.ndarray) -> None:
-        """A wheel as a thick disc with spokes that turn."""
+        """Draw a wheel as a thick disc with turning spokes."""
         speed, limit = self.history.wheel_speed[:, k], self.history.satellite.wheels.max_speed[k]
-        angle = _SLOWED * float(speed[1:].sum()) / limit
+        angle = _WHEEL_TURN * float(speed[1:].sum()) / limit
         aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
         aside /= np.linalg.norm(aside)
         frame = self.to_view @ np.stack([aside, np.cross(axis, aside), axis], axis=1)
@@ -141,7 +141,7 @@ class Scene:
         self.canvas.polygon(hub + 0.24 * (near - hub), colour)
 
     def body_axes(self) -> None:
-        """Axes that stick out of the sides of the box."""
+        """Draw the body axes, from the faces of the box outward."""
         for i, name in enumerate("xyz"):
             axis = self.to_view[:, i]
             reach = self.scale * 0.5 * float(np.abs(self.box_to_view.T @ axis) @ self.edges)
@@ -150,13 +150,13 @@ class Scene:
             self.canvas.text(self.place((reach + 0.30 * self.radius) * axis), name, series_colour(i), 11.0, "centre")
 
     def vectors(self) -> None:
-        """Momentum and rate from the centre of mass."""
+        """Draw momentum and rate from the centre of mass."""
         satellite = self.history.satellite
-        momentum = self.history.momentum[-1] / (_SHARE * capacity(satellite.wheels))
+        momentum = self.history.momentum[-1] / (_MOMENTUM_UNIT * capacity(satellite.wheels))
         rate = self.history.rate[-1] / satellite.rate_limit
         for vector, name, colour in ((momentum, "M", MOMENTUM_COLOUR), (rate, "ω", RATE_COLOUR)):
             length = float(np.linalg.norm(vector))
-            shown = self.to_view @ vector * self.radius * min(1.0, _LONGEST / max(length, 1e-12))
+            shown = self.to_view @ vector * self.radius * min(1.0, _ARROW_MAX / max(length, 1e-12))
             tip = self.place(shown)
             self.canvas.arrow(self.centre, tip, colour, 2.4)
             if np.hypot(*(tip - self.centre)) > 14.0:
@@ -165,7 +165,7 @@ class Scene:
         self.canvas.dot(self.centre, 2.4, TEXT)
 
     def scale_bar(self, x: float, y: float) -> None:
-        """What a round length looks like, where the satellite's size is known; it ends at `x`."""
+        """Draw a scale bar of a round length that ends at `x`, if the satellite's size is given."""
         if self.history.satellite.size is None:
             return
         power = 10.0 ** np.floor(np.log10(float(self.edges.max())))
@@ -178,6 +178,6 @@ class Scene:
 
 
 def stars(canvas: Canvas, x: float, y: float, width: float, height: float) -> None:
-    """A few dim ones: the inertial frame stands still."""
+    """Draw a few dim stars, fixed in the inertial frame."""
     for across, down, size in np.random.default_rng(7).random((36, 3)):
         canvas.dot((x + across * width, y + down * height), 0.5 + 0.5 * size, shade(RULE, MUTED, 0.5 * size))

@@ -23,11 +23,11 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.ending import ended, refusal
-from baselines.provenance import command, revision, versions
+from baselines.command.cli import ended, refusal
+from baselines.command.provenance import command, revision, versions
 from satid_gym import SatInertiaIDEnv
 from satid_gym.config import check_names, check_whole
-from satid_gym.estimators.settings import ESTIMATORS
+from satid_gym.estimators import ESTIMATORS
 from satid_gym.files import check_writable, write_json
 from tests.fuzz.configuration import Configuration, Group, draw_configuration
 from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly

@@ -15,7 +15,7 @@ import numpy as np
 Settings = dict[str, Any]
 
 ACTIONS = ("random", "bang_bang", "zero", "extreme", "one_wheel")
-MOST_TURN = 2.0  # rad, that body and momentum may turn against each other between two readings
+TURN_MAX = 2.0  # rad, that body and momentum may turn against each other between two readings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +149,7 @@ def fastest_turn(satellite: Settings) -> float:
 
 
 def _scenario(chance: Random, satellite: Settings) -> Settings:
-    sample_period = min(_log(chance, 0.01, 12.0), MOST_TURN / fastest_turn(satellite))
+    sample_period = min(_log(chance, 0.01, 12.0), TURN_MAX / fastest_turn(satellite))
     samples, decisions = chance.choice((1, 2, 5, 10)), chance.choice((1, 50, 300, 300, 300, 3000))
     scenario: Settings = {
         "name": "fuzzed",
@@ -245,9 +245,9 @@ def _estimator(chance: Random, group: Group, satellite: Settings) -> Settings:
         return {
             **common,
             "inertia_walk": first,
-            "least_walk": least,
-            "most_walk": max(first, least, 0.02),
-            "walk_drift": _or(chance, 0.0, _log(chance, 1e-4, 10.0)),
+            "inertia_walk_min": least,
+            "inertia_walk_max": max(first, least, 0.02),
+            "log_q_drift": _or(chance, 0.0, _log(chance, 1e-4, 10.0)),
             "disturbance_walk": chance.choice((None, 0.0, 1e-3, 0.1)),
             "substeps": chance.choice((1, 1, 2, 5)),
         }

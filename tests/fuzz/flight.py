@@ -8,10 +8,11 @@ import gymnasium
 import numpy as np
 
 from satid_gym import SatInertiaIDEnv
-from satid_gym.core.kalman import _FLOOR
-from satid_gym.core.records import MOMENTUM
-from satid_gym.estimators.reference_model import tensor
-from satid_gym.interface import DRAW_FAILED, INFO_KEYS
+from satid_gym.core.belief.filters import FilterKind
+from satid_gym.core.belief.kalman import _FLOOR
+from satid_gym.estimators.filterpy.model import tensor
+from satid_gym.fleet import DRAW_FAILED
+from satid_gym.gym_api import INFO_KEYS
 from tests.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300
@@ -99,9 +100,9 @@ class _Log:
     def __init__(self, env: SatInertiaIDEnv, decisions: int) -> None:
         self.env = env
         rows = 2 * decisions + 1  # each decision may end an episode
-        self.plants = np.zeros(rows, env._plants.dtype)
-        self.beliefs = np.zeros(rows, env._beliefs.dtype)
-        self.tasks = np.zeros(rows, env._tasks.dtype)
+        self.plants = np.zeros(rows, env.fleet.rows.plants.dtype)
+        self.beliefs = np.zeros(rows, env.fleet.rows.beliefs.dtype)
+        self.tasks = np.zeros(rows, env.fleet.rows.tasks.dtype)
         self.seen: list[tuple[np.ndarray, dict[str, Any]]] = []
         self.actions: list[np.ndarray] = []
         self.results: list[tuple[float, bool, bool]] = []
@@ -119,8 +120,8 @@ class _Log:
         self.results.append(result[1:4])
 
     def _note(self, observation: np.ndarray, info: dict[str, Any]) -> None:
-        env, row = self.env, len(self.seen)
-        self.plants[row], self.beliefs[row], self.tasks[row] = env._plants[0], env._beliefs[0], env._tasks[0]
+        rows, row = self.env.fleet.rows, len(self.seen)
+        self.plants[row], self.beliefs[row], self.tasks[row] = rows.plants[0], rows.beliefs[0], rows.tasks[0]
         self.seen.append((observation, info))
 
     def check(self, slack: float) -> dict[str, float]:
@@ -229,7 +230,7 @@ class _Log:
         """
         belief = self.beliefs[0]
         p = len(belief["prior_theta"])
-        if belief["kind"] != MOMENTUM:
+        if belief["kind"] != FilterKind.MOMENTUM:
             wheels = std[:, 3 + p :].sum(axis=1) / belief["tachometer_std"]
             return std[:, :3].sum(axis=1) / belief["gyro_std"] + wheels
         softest = _FLOOR * np.linalg.eigvalsh(tensor(belief["prior_theta"]))[0]

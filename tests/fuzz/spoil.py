@@ -15,7 +15,7 @@ import numpy as np
 
 import satid_gym
 from satid_gym import InertiaLaw, LawRanges, ReactionWheels, RewardSettings, Satellite, SatInertiaIDEnv, Scenario
-from satid_gym.estimators.settings import ESTIMATORS
+from satid_gym.estimators import ESTIMATORS
 from satid_gym.faults import Faults
 from tests.fuzz.configuration import Configuration, Settings
 from tests.fuzz.flight import Violation
@@ -169,7 +169,7 @@ def refuses_actions(env: SatInertiaIDEnv, chance: Random) -> None:
         Violation: one was taken, refused for another reason or left something changed.
     """
     n = env.action_space.shape[0]
-    records = (env._plants, env._beliefs, env._tasks, env._reports, env._observation)
+    records = env.fleet.rows
     before = b"".join(record.tobytes() for record in records)
     wrong = [np.nan, np.inf, -np.inf, 1e39]
     spoilt: list[Any] = [np.where(np.arange(n) == chance.randrange(n), value, 0.0) for value in wrong]

@@ -13,8 +13,8 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
-from baselines.ending import ended
-from baselines.provenance import command, revision, versions
+from baselines.command.cli import ended
+from baselines.command.provenance import command, revision, versions
 from satid_gym.files import check_writable, write_text
 from tests.golden.flights import CASES, DATA, fly
 

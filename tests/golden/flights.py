@@ -68,7 +68,7 @@ def fly(case: str) -> dict[str, Any]:
 
 
 def _mark(decision: int, observation: np.ndarray, reward: float, info: dict[str, Any]) -> dict[str, Any]:
-    kept = ("relative_error", "nees", "nis", "information_held", "cost", "guarded")
+    kept = ("relative_error", "nees", "nis", "information_held", "cost", "constrained_updates")
     plain = {key: info[key] for key in kept}
     arrays = {key: info[key].tolist() for key in ("inertia_true", "inertia_estimate", "torque_applied")}
     seen = [float(str(x)) for x in observation]  # as short as float32 allows

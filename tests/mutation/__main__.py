@@ -27,8 +27,8 @@ from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.ending import ended, refusal
-from baselines.provenance import command, revision, versions
+from baselines.command.cli import ended, refusal
+from baselines.command.provenance import command, revision, versions
 from satid_gym.config import check_names, check_whole
 from satid_gym.files import check_writable, read_json, write_json
 from tests.mutation.equivalent import EQUIVALENT
@@ -37,29 +37,36 @@ from tests.mutation.mutants import Mutant, find_mutants
 ROOT = Path(__file__).parents[2]
 TESTS: dict[str, tuple[str, ...]] = {
     "core/algebra": ("algebra",),
-    "core/dynamics": ("dynamics",),
-    "core/momentum_filter": ("filters",),
-    "core/walk": ("walk",),
-    "core/rate_filter": ("filters",),
-    "core/kalman": ("filters",),
+    "core/truth/dynamics": ("dynamics",),
+    "core/belief/momentum_filter": ("filters",),
+    "core/belief/adaptation": ("walk",),
+    "core/belief/rate_filter": ("filters",),
+    "core/belief/kalman": ("filters",),
     "core/reward": ("reward",),
-    "core/sensors": ("sensors", "fault_samples"),
-    "core/generator": ("generator",),
-    "core/faults": ("fault_samples",),
-    "core/vetting": ("vetting",),
+    "core/truth/sensors": ("sensors", "fault_samples"),
+    "core/truth/draw": ("generator",),
+    "core/truth/faults": ("fault_samples",),
+    "core/belief/gating": ("vetting",),
     "core/observation": ("observation",),
     "laws": ("laws", "config"),
     "metrics": ("evaluation",),
     "bounds": ("bounds",),
 }
 GROUPS = {
-    "physics": ("core/algebra", "core/dynamics", "core/sensors", "core/generator", "core/faults", "laws"),
+    "physics": (
+        "core/algebra",
+        "core/truth/dynamics",
+        "core/truth/sensors",
+        "core/truth/draw",
+        "core/truth/faults",
+        "laws",
+    ),
     "filter": (
-        "core/momentum_filter",
-        "core/walk",
-        "core/rate_filter",
-        "core/kalman",
-        "core/vetting",
+        "core/belief/momentum_filter",
+        "core/belief/adaptation",
+        "core/belief/rate_filter",
+        "core/belief/kalman",
+        "core/belief/gating",
         "bounds",
     ),
     "reward": ("core/reward", "core/observation", "metrics"),

@@ -9,12 +9,12 @@ EQUIVALENT: dict[str, dict[str, str]] = {
     "core/reward": {
         "spread: if not product > 0.0: -> if not product >= 0.0:": "factor gives a positive product or -1, never 0",
     },
-    "core/generator": {
+    "core/truth/draw": {
         "_draw_body: low = -1.0 if plant.law == PERIODIC else 0.0 -> low = -1.0 if plant.law == PERIODIC else 1.0": (
             "the end without change is the inertia itself, which is checked once more before it is taken"
         ),
     },
-    "core/faults": {
+    "core/truth/faults": {
         (
             "spike_gyro: if plant.outlier_probability > 0.0 and (not dropped) and (uniform(plant.stream) < "
             "plant.outlier_probability): -> if plant.outlier_probability > 0.0 and (not dropped) and "
@@ -28,15 +28,15 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "-1 waits for nothing either, and the next command sets it"
         ),
     },
-    "core/rate_filter": {
+    "core/belief/rate_filter": {
         "predict: identity = work.jacobian[3] -> identity = work.jacobian[2]": "what was there is not needed any more",
     },
-    "core/kalman": {
-        ": _MOST_HALVINGS = 40 -> _MOST_HALVINGS = 39": "an update of 10^12 times the inertia is beyond any sensor",
+    "core/belief/kalman": {
+        ": _HALVINGS_MAX = 40 -> _HALVINGS_MAX = 39": "an update of 10^12 times the inertia is beyond any sensor",
         ": _CANCELLATION = 10.0 -> _CANCELLATION = 20.0": "Joseph's second half mends rounding, and no more",
         "update: continue -> pass": "likewise, where there is next to nothing to mend",
     },
-    "core/momentum_filter": {
+    "core/belief/momentum_filter": {
         "_start_momentum: moment = work.jacobian[1] -> moment = work.jacobian[0]": (
             "what was there is not needed any more"
         ),
@@ -60,7 +60,7 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "return s[0] > 0.0 and s[0] * s[1] - s[3] * s[3] >= 0.0 and (determinant(s) > 0.0)"
         ): "where the second minor is 0 the determinant is not positive",
     },
-    "core/dynamics": {
+    "core/truth/dynamics": {
         (
             "_hold_or_release: if _at_limit(plant, k) and (stay or side * (torque[k] - holding) >= 0.0): -> "
             "if _at_limit(plant, k) and (stay or side * (torque[k] - holding) > 0.0):"

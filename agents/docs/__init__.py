@@ -1,0 +1,1 @@
+"""Documentation: tables and figures of README and docs, made from committed results."""

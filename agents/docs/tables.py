@@ -1,0 +1,190 @@
+"""Tables of docs/, written from the code and from committed results: `python -m agents.docs.tables`.
+
+Names and values come from the objects, meanings from their docstrings, scores from docs/results/compare.json and
+faults.csv.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import docstring_parser
+import numpy as np
+
+from agents.docs import faults_table
+from agents.docs.limits_figure import share_table
+from agents.docs.readme import REMEDY, RESULTS, ROOT, between
+from agents.docs.results_tables import (
+    cell_error_tables,
+    cell_reward_tables,
+    correlation_sentence,
+    error_table,
+    reward_table,
+    standing_tables,
+)
+from agents.docs.specification import section_table, vector_arguments
+from baselines import BASELINES, build, tuned_entry
+from baselines.command.markdown import table
+from satid_gym.config import Config
+from satid_gym.estimators import MomentumEKFSettings
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.faults import Faults
+from satid_gym.files import read_json, write_text
+from satid_gym.laws import PAPER_LAWS, LawRanges
+from satid_gym.reward import RewardSettings
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
+from satid_gym.scenario import SCENARIOS, Scenario
+
+SOURCE = "agents.docs.tables"
+
+
+def meanings(cls: type) -> dict[str, str]:
+    """Meaning of each attribute, from the class docstring."""
+    parsed = docstring_parser.parse(cls.__doc__ or "", docstring_parser.DocstringStyle.GOOGLE)
+    return {p.arg_name: " ".join((p.description or "").split()).removesuffix(".") for p in parsed.params}
+
+
+def shown(value: Any) -> str:
+    """A setting's value for a table."""
+    if value is None:
+        return "the satellite's"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, tuple | list):
+        return (" to " if len(value) == 2 else ", ").join(shown(v) for v in value)
+    if isinstance(value, EstimatorSettings):  # its name, and what differs from the filter's defaults
+        own = value.to_dict()
+        default = type(value)(**({"adaptive": True} if own.get("adaptive") else {})).to_dict()
+        changed = {k: v for k, v in own.items() if v != default[k] or v is True}
+        return shown({"name": own["name"], **changed})
+    if isinstance(value, Mapping):
+        return ", ".join(v if k == "name" else f"{k}: {shown(v)}" for k, v in value.items()) or "1"  # no factors
+    return str(value)
+
+
+def satellites() -> str:
+    """Every satellite, quantity by quantity."""
+    quantities: list[tuple[str, Callable[[Satellite], Any]]] = [
+        ("mass, kg", lambda s: s.mass),
+        ("size, m", lambda s: s.size),
+        ("nominal principal moments, kg m^2", lambda s: np.diag(s.inertia)),
+        ("wheels", lambda s: s.wheels.count),
+        ("wheel torque limit, N m", lambda s: s.wheels.max_torque[0]),
+        ("wheel speed limit, rad/s", lambda s: s.wheels.max_speed[0]),
+        ("wheel spin inertia, kg m^2", lambda s: s.wheels.inertia[0]),
+        ("body rate limit, rad/s", lambda s: s.rate_limit),
+        ("gyro noise per sample, rad/s", lambda s: s.gyro_noise_std),
+        ("tachometer noise per sample, rad/s", lambda s: s.tachometer_noise_std),
+        ("disturbance, standard deviation about each axis, N m", lambda s: s.disturbance_std),
+    ]
+    rows = [[name, *(_numbers(of(s)) for s in SATELLITES.values())] for name, of in quantities]
+    return table(["", *SATELLITES], rows)
+
+
+def _numbers(value: Any) -> str:
+    return "-" if value is None else " ".join(f"{v:g}" for v in np.atleast_1d(value))
+
+
+def scenarios() -> str:
+    """Every setting of every scenario; a blank is the default's value."""
+    said, default = meanings(Scenario), SCENARIOS["default"]
+    rows = []
+    for field in dataclasses.fields(Scenario):
+        if field.name in ("name", "laws", "faults"):  # the last two have tables of their own
+            continue
+        values = [getattr(s, field.name) for s in SCENARIOS.values()]
+        cells = [
+            shown(v) if s is default or v != values[0] else "" for v, s in zip(values, SCENARIOS.values(), strict=True)
+        ]
+        rows.append([f"`{field.name}`", *cells, said[field.name]])
+    return table(["setting", *SCENARIOS, "meaning"], rows)
+
+
+def laws() -> str:
+    """Ranges of the inertia laws: randomised, and the paper's."""
+    said, drawn = meanings(LawRanges), LawRanges()
+    rows = [
+        [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
+        for name in _names(LawRanges)
+    ]
+    ranged = ", ".join(name for name, scenario in SCENARIOS.items() if scenario.laws == drawn)
+    return table(["range", ranged, "paper, benchmark", "meaning"], rows)
+
+
+def faults() -> str:
+    """Settings of faults: none, and those of the scenario that has them."""
+    said, none, given = meanings(Faults), Faults(), SCENARIOS["faults"].faults
+    rows = [[f"`{n}`", shown(getattr(none, n)), shown(getattr(given, n)), said[n]] for n in _names(Faults)]
+    return table(["setting", "default", "scenario faults", "meaning"], rows)
+
+
+def settings(cls: type[Config]) -> str:
+    """Fields of a settings class with their defaults."""
+    said, default = meanings(cls), cls()
+    rows = [[f"`{name}`", _default(getattr(default, name)), said[name]] for name in _names(cls)]
+    return table(["setting", "default", "meaning"], rows)
+
+
+def _default(value: Any) -> str:
+    return "`None`" if value is None else shown(value)
+
+
+def _names(cls: type) -> list[str]:
+    return [field.name for field in dataclasses.fields(cls)]
+
+
+def baselines() -> str:
+    """Every baseline, its kind, and its settings in the default scenario."""
+    rows = []
+    for name, baseline in BASELINES.items():
+        tuned = {s: tuned_entry(name, s)["settings"] for s in BENCHMARK_SATELLITES} if baseline.tuned else {}
+        kind = build(name, next(iter(tuned.values()), {})).kind.replace("_", " ")
+        cells = [", ".join(f"{k} {v:g}" for k, v in tuned.get(s, {}).items()) for s in BENCHMARK_SATELLITES]
+        rows.append([f"`{name}`", kind, *cells])
+    return table(["name", "kind", *BENCHMARK_SATELLITES], rows)
+
+
+def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
+    """A writer, bound to the committed comparison."""
+    keys = ("records", "pairs", "efficiencies", "revision", "command")
+    return lambda: write(read_json(RESULTS / "compare.json", REMEDY, keys=keys))
+
+
+PAGES: dict[str, dict[str, Callable[[], str]]] = {
+    "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws, "faults": faults},
+    "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
+    "baselines.md": {"baselines": baselines},
+    "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},
+    "environment.md": {
+        "observation": lambda: section_table("Observation space"),
+        "reward": lambda: settings(RewardSettings),
+        "reward ranks": compared(correlation_sentence),
+        "info": lambda: section_table("Information"),
+        "arguments": lambda: section_table("Arguments"),
+        "vector arguments": vector_arguments,
+    },
+    "limits.md": {"shares": compared(share_table)},
+    "faults.md": {"study": faults_table.short_table},
+    "notes/every_cell.md": {
+        "standing": compared(standing_tables),
+        "errors": compared(cell_error_tables),
+        "rewards": compared(cell_reward_tables),
+    },
+}
+
+
+def written(page: str, text: str) -> str:
+    """A page with its tables written again."""
+    for name, content in PAGES[page].items():
+        text = between(text, name, content(), SOURCE)
+    return text
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        file = ROOT / "docs" / page
+        write_text(file, written(page, file.read_text()))

@@ -1,5 +1,0 @@
-"""The report: one self-contained page that shows what a comparison found."""
-
-from agents.report.page import write_report
-
-__all__ = ["write_report"]

@@ -1,0 +1,1 @@
+"""Training: PPO, SAC and imitation, with the folder that every run leaves."""

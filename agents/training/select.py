@@ -1,0 +1,118 @@
+"""Choose among runs that differ in their seed: `python -m agents.training.select RUN ... [--ship]`.
+
+Flies every run's best policy through validation episodes, more of them than training could afford and with the
+margin it would be shipped with; prints the scores, the spread over runs, and the best. `--ship` saves that one in
+satid_gym/policies/pretrained. Test seeds have no part in the choice.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from agents.training.ppo import merit, validate
+from agents.training.settings import ANEW, ImitationSettings, Task, TrainSettings
+from baselines.command.cli import ended, refusal
+from baselines.command.provenance import command
+from satid_gym.config import check_number, check_whole
+from satid_gym.files import read_json
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.shipped import PRETRAINED
+
+_SHOWN = ("final_error", "mean_error", "outside_fraction")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Which runs."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of training runs."""
+    ship: bool = False
+    """Save the best policy in satid_gym/policies/pretrained."""
+    margin: float | None = None
+    """Margin of the rate loop to ship it with, where validation calls for another than that of training."""
+    episodes: int = 400
+    """Validation episodes on each satellite."""
+
+    def policies(self) -> list[LearnedPolicy]:
+        """The runs' best policies, each as it would be shipped.
+
+        Raises:
+            FileNotFoundError: a run has none.
+            ValueError: there is no run, a policy is damaged, or a number is out of bounds.
+        """
+        if not self.runs:
+            raise ValueError("name at least one run")
+        check_whole("episodes", self.episodes)
+        policies = [LearnedPolicy.load(run / "policy") for run in self.runs]
+        for policy in policies:
+            policy.margin = policy.margin if self.margin is None else check_number("margin", self.margin)
+        return policies
+
+
+def _training(policy: LearnedPolicy) -> Task:
+    """The settings that a policy says it was trained with.
+
+    Raises:
+        ValueError: it says none, or what no training has.
+    """
+    try:
+        trained = policy.details["trained"]
+        kind = {"ppo": TrainSettings, "imitation": ImitationSettings}[trained["method"]]
+        return kind.from_dict(trained["settings"])
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
+
+
+def _origin(run: Path) -> dict[str, Any]:
+    """What a run's folder says of how it came to be; nothing where its policy says it itself.
+
+    Raises:
+        ValueError: the folder's notes are damaged.
+    """
+    notes, names = run / "run.json", ("command", "revision", "versions")
+    if not notes.exists():
+        return {}
+    head = read_json(notes, ANEW, keys=names)
+    return {name: head[name] for name in names}
+
+
+def main() -> int:
+    """Print the spread and the choice; the exit code."""
+    options = tyro.cli(Options, description=__doc__)
+    with refusal():
+        policies = options.policies()
+        trained = [_training(policy) for policy in policies]
+        origins = [_origin(run) for run in options.runs]
+        satellites = [satellite.name for satellite in trained[0].satellites]
+        if any([satellite.name for satellite in settings.satellites] != satellites for settings in trained):
+            raise ValueError("the runs were trained for different satellites: choose among runs of one setting")
+    pairs = tqdm(list(zip(policies, trained, strict=True)), unit=" runs", disable=None)
+    rows = [validate(policy, settings, options.episodes) for policy, settings in pairs]
+    scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
+    print(f"{'':24s}" + "".join(f"{s:>24s}" for s in satellites) + "   final, mean error, outside in %")
+    for run, score in zip(options.runs, scores, strict=True):
+        print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
+    for name, statistic in (("mean", scores.mean(axis=0)), ("std", scores.std(axis=0, ddof=min(1, len(rows) - 1)))):
+        print(f"{name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in statistic))
+    best = int(np.argmin([merit(run) for run in rows]))
+    print(f"best by final and mean error: {options.runs[best]}")
+    if options.ship:
+        policy = policies[best]
+        policy.details["trained"] = {**origins[best], **policy.details["trained"]}
+        policy.details |= {"validation": rows[best], "validation_episodes": options.episodes}
+        policy.details["shipped_by"] = command("agents.training.select")
+        policy.save(PRETRAINED / policy.name)
+        print(f"shipped as {PRETRAINED / policy.name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

@@ -1,0 +1,1 @@
+"""Studies of the error: effects of filter, excitation and faults."""

@@ -1,0 +1,104 @@
+"""Performance bound of a cell of the benchmark, to which the comparison relates every policy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from baselines.studies.recording import record
+from satid_gym.bounds import (
+    envelope_bound,
+    episode_bounds,
+    population_bound,
+    rate_cap,
+    reference_limit,
+    sample_information,
+)
+from satid_gym.estimators import MomentumEKFSettings
+from satid_gym.estimators.inertia import PARAMETER_COUNT
+from satid_gym.laws import InertiaLaw
+from satid_gym.metrics import final_error
+from satid_gym.policies.reference import ZeroPolicy
+from satid_gym.problem import problem
+from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario, prior_of
+
+_WALKS = (0.0, *np.geomspace(1e-4, 0.01, 13).tolist())  # inertia walks of the reference limit's filter, per sqrt(s)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PerformanceBound:
+    """Bounds on the relative error of the inertia at the D decisions of a cell, root mean square over its episodes.
+
+    Attributes:
+        bound: (D,) lower bound for every estimator, even one that knows the law, and every excitation inside the
+            envelope.
+        reference_limit: (D,) error of the cell's own filter if every sample gave the most information that the
+            envelope allows; not a bound. For an AdaptiveEKF: of the MomentumEKF with the fixed inertia walk that is
+            best for the cell and with known times of steps.
+    """
+
+    bound: np.ndarray
+    reference_limit: np.ndarray
+
+    def efficiency(self, error: np.ndarray) -> dict[str, float]:
+        """Efficiencies of an error (D, N), from root mean squares over the final window.
+
+        `efficiency` is bound / achieved, of policy and filter together. `excitation_efficiency` is reference_limit /
+        achieved: it leaves out the cost of a filter's fixed inertia walk, which is the same for every policy, but
+        includes the cost of the walk's estimation by an AdaptiveEKF.
+        """
+        achieved = _final(np.sqrt(np.square(error).mean(axis=1)))
+        return {
+            "efficiency": _final(self.bound) / achieved,
+            "excitation_efficiency": _final(self.reference_limit) / achieved,
+        }
+
+    def series(self) -> dict[str, np.ndarray]:
+        """Both errors (D,) by name."""
+        return {"bound": self.bound, "reference_limit": self.reference_limit}
+
+    def final_errors(self) -> dict[str, float]:
+        """Both errors by name, root mean square over the final window."""
+        return {name: _final(error) for name, error in self.series().items()}
+
+
+def performance_bound(
+    satellite: str | Satellite, mode: str | InertiaLaw, chosen: Sequence[int], scenario: Scenario
+) -> PerformanceBound:
+    """Performance bound from the true trajectories of a cell's episodes.
+
+    Raises:
+        ValueError: the scenario's filter is not the MomentumEKF.
+    """
+    posed = problem(satellite, mode, scenario)
+    (nominal,), settings = posed.satellites, posed.estimator
+    if not isinstance(settings, MomentumEKFSettings):
+        raise ValueError(f"bounds are for the MomentumEKF's model; scenario {scenario.name!r} has {settings.name!r}")
+    adaptive = settings.adaptive
+    walks = _WALKS if adaptive else (settings.inertia_walk,)
+    filters = [MomentumEKFSettings(parameters=settings.parameters, inertia_walk=walk) for walk in walks]
+    recording = record(ZeroPolicy(), satellite=satellite, inertia=mode, seeds=chosen, scenario=scenario)
+    course, prior = recording.course, prior_of(nominal, scenario)
+    operated, static = scenario.operate(nominal), filters[0].replace(inertia_walk=0.0)
+    bound = envelope_bound(course, operated, prior, static, recording.dt, law_known=True)
+    decisions = slice(scenario.samples, None, scenario.samples)
+    cap = rate_cap(course, operated, recording.dt)  # once for all filters: it takes longer than their equations
+    information = sample_information(cap, course.inertia, prior, PARAMETER_COUNT[posed.parameters])
+
+    def limit(settings: MomentumEKFSettings) -> np.ndarray:
+        given = {"finds_steps": adaptive, "information": information}
+        error = reference_limit(course, operated, prior, settings, recording.dt, **given)
+        return np.sqrt(episode_bounds(error, course.inertia).mean(axis=0))[decisions]
+
+    return PerformanceBound(
+        bound=np.sqrt(population_bound(bound, course.inertia))[decisions],
+        reference_limit=min((limit(settings) for settings in filters), key=_final),
+    )
+
+
+def _final(error: np.ndarray) -> float:
+    """Root mean square of a series (D,) over the final window."""
+    return float(np.sqrt(final_error(np.square(error)[:, None])[0]))

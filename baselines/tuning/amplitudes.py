@@ -1,0 +1,267 @@
+"""Best settings of every baseline: `python -m baselines.tune`.
+
+A setting is judged on the tuning seeds, which neither training nor the benchmark uses, over the four inertia
+modes with the paper's laws. Rule: of the settings that spend at most 1 % of the time beyond the envelope, with a
+body rate outside its limit or a wheel at its, the one with the lowest mean final error. Where there is none,
+because the motors' noise alone drives an open loop out, the same among those that are beyond it at most 1 % of
+the time more than no torque at all is, and failing that the one that is beyond it least; both are marked
+"inside": false. In scenario "paper" the eight profiles keep the paper's amplitudes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+from tqdm import tqdm
+
+from baselines.command.cli import ended, refusal
+from baselines.command.provenance import command, revision, versions
+from satid_gym.config import check_names, check_whole
+from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
+from satid_gym.files import check_writable, write_json
+from satid_gym.metrics import BEYOND_MAX, beyond_envelope
+from satid_gym.policies import grids
+from satid_gym.policies.grids import Settings
+from satid_gym.policies.registry import BASELINES, TUNED, build
+from satid_gym.problem import ScenarioLike, resolve_scenario
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
+from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.selection import select_satellites, select_scenarios
+
+HOPELESS = 0.1  # beyond this share of the time more amplitude is not tried: it only leads further out
+FINER = (0.89, 0.945, 1.06, 1.12)  # what is tried about the best amplitude
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """Settings and their mean scores over the tuning episodes."""
+
+    settings: Settings
+    final_error: float
+    outside_fraction: float
+    saturated_fraction: float
+
+    @property
+    def beyond(self) -> float:
+        """Share of the time beyond the envelope."""
+        return beyond_envelope(self.outside_fraction, self.saturated_fraction)
+
+    @property
+    def inside(self) -> bool:
+        """Whether they keep to the envelope."""
+        return self.beyond <= BEYOND_MAX
+
+
+def grid(name: str, satellite: Satellite, scenario: ScenarioLike) -> list[list[Settings]]:
+    """Settings to try, the grid of the baseline's entry in the registry.
+
+    Raises:
+        ValueError: the baseline is unknown, has no settings to tune, or has no grid.
+    """
+    check_tunable([name])
+    own = BASELINES[name].grid
+    assert own is not None  # as checked
+    return own(satellite, resolve_scenario(scenario).name)
+
+
+def tunable() -> list[str]:
+    """Names of the baselines that have settings to tune."""
+    return [name for name, baseline in BASELINES.items() if baseline.tuned]
+
+
+def check_tunable(names: Sequence[str]) -> None:
+    """Refuse baselines that cannot be tuned.
+
+    Raises:
+        ValueError: one is unknown, has no settings to tune, or has no grid; the message says what to do.
+    """
+    check_names("baseline", names, BASELINES)
+    for name in names:
+        entry = "its entry in satid_gym.policies.registry.BASELINES"
+        if not BASELINES[name].tuned:
+            raise ValueError(f"baseline {name!r} has no settings to tune: {entry} says tuned=False")
+        if BASELINES[name].grid is None:
+            raise ValueError(
+                f"baseline {name!r} has no grid of settings to try: give {entry} a grid, a function of satellite and "
+                "scenario as satid_gym.policies.grids has them, or tuned=False if it has no settings to tune"
+            )
+
+
+def best(trials: Sequence[Trial], idle: float) -> Trial:
+    """The trial that the rule chooses, given the share of time that no torque at all spends beyond the envelope."""
+    for limit in (BEYOND_MAX, idle + BEYOND_MAX):
+        within = [t for t in trials if t.beyond <= limit]
+        if within:
+            return min(within, key=lambda t: t.final_error)
+    return min(trials, key=lambda t: t.beyond)
+
+
+def edge(trial: Trial) -> bool:
+    """Whether a setting is the lowest amplitude that was tried: the best that the signal can do is next to nothing."""
+    return trial.settings.get("amplitude", 1.0) <= grids.AMPLITUDES[0]
+
+
+def sweep(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> list[Trial]:
+    """All settings of a baseline that are worth trying, tried: the grid, and amplitudes close to the best of it."""
+    count = max(1, episodes * 2 // 5) if BASELINES[name].planner else episodes
+    trials: list[Trial] = []
+    for row in grid(name, satellite, scenario):
+        for settings in row:
+            trials.append(attempt(name, settings, satellite, scenario, episodes=count))
+            if trials[-1].outside_fraction > (BEYOND_MAX if "margin" in settings else HOPELESS):
+                break
+    if "amplitude" in trials[0].settings and resolve_scenario(scenario).name != "paper":
+        idle = attempt("zero", {}, satellite, scenario, episodes=count)
+        top = best(trials, idle.beyond).settings
+        for factor in FINER:
+            finer = {**top, "amplitude": round(min(top["amplitude"] * factor, 1.0), 5)}
+            trials.append(attempt(name, finer, satellite, scenario, episodes=count))
+    return trials
+
+
+def tune(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> Trial:
+    """Best settings of a baseline for any satellite in one of the scenarios."""
+    idle = attempt("zero", {}, satellite, scenario, episodes=episodes)
+    return best(sweep(name, satellite, scenario, episodes=episodes), idle.beyond)
+
+
+def attempt(name: str, settings: Settings, satellite: Satellite, scenario: ScenarioLike, *, episodes: int) -> Trial:
+    """Mean scores of one baseline with given settings over the tuning episodes."""
+    flight = fly(
+        build(name, settings),
+        satellite=satellite,
+        inertia="random",
+        seeds=seeds("tuning", episodes),
+        scenario=benchmark_scenario(scenario),
+        num_threads=1,  # cells are tuned side by side
+    )
+    return judge(settings, flight)
+
+
+def judge(settings: Settings, flight: Flight) -> Trial:
+    """Settings and the mean scores of what they flew."""
+    scores = flight.scores()
+    names = ("final_error", "outside_fraction", "saturated_fraction")
+    return Trial(settings=settings, **{name: float(scores[name].mean()) for name in names})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning:
+    """What to tune, and where to keep it."""
+
+    episodes: int = 100
+    """Episodes that judge a setting."""
+    scenarios: tuple[str, ...] = ("default", "tight", "paper")
+    """Scenarios to tune for: names, .json or .toml files, or module:name (runs the module's code)."""
+    satellites: tuple[str, ...] = BENCHMARK_SATELLITES
+    """Satellites to tune for: names, .json or .toml files, or module:name (runs the module's code)."""
+    output: Path = TUNED
+    """JSON file that the baselines read; another one is taken by the option --tuned of other commands."""
+    trials: Path | None = None
+    """Where to write every setting tried, as JSON."""
+
+    def check(self) -> None:
+        """Refuse what cannot be tuned.
+
+        Raises:
+            ValueError: a name is unknown or taken by another, what a file holds is not valid, there is no episode, a
+                baseline has no grid, or settings for one's own would be written among the shipped ones.
+        """
+        check_output(self.satellites, self.scenarios, self.output, TUNED)
+        check_whole("episodes", self.episodes)
+        check_tunable(tunable())
+
+
+def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Tune every baseline that has settings: the contents of the JSON file, and all trials behind them."""
+    names = tunable()
+    scenarios, satellites = select_scenarios(tuning.scenarios), select_satellites(tuning.satellites)
+    cells = [(s, satellite, name) for s in scenarios for satellite in satellites for name in names]
+    entries: list[dict[str, Any]] = []
+    tried: list[dict[str, Any]] = []
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        idle = {
+            (world.name, satellite.name): attempt("zero", {}, satellite, world, episodes=tuning.episodes).beyond
+            for world in scenarios
+            for satellite in satellites
+        }
+        sweeps = pool.map(lambda cell: sweep(cell[2], cell[1], cell[0], episodes=tuning.episodes), cells)
+        try:
+            bar = tqdm(sweeps, total=len(cells), desc="tuning", unit="baseline")
+            for (world, satellite, name), trials in zip(cells, bar, strict=True):
+                place = {"policy": name, "satellite": satellite.name, "scenario": world.name}
+                chosen = best(trials, idle[world.name, satellite.name])
+                entries.append({**place, **dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)})
+                tried += [{**place, **dataclasses.asdict(trial)} for trial in trials]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
+            raise
+    used = seeds("tuning", tuning.episodes)
+    tuned = {
+        "command": command("baselines.tune"),
+        "revision": revision(),
+        "versions": versions(),
+        "seeds": {"split": "tuning", "first": used[0], "count": len(used)},
+        "inertia": "one of static, step, drift, periodic at random, the paper's laws",
+        "rule": (
+            f"lowest mean final error with at most {BEYOND_MAX:.0%} of the time beyond the envelope, of rates or "
+            f"wheel speeds; else with at most {BEYOND_MAX:.0%} more than zero torque has; else least beyond"
+        ),
+        "grid": {
+            "amplitude": grids.AMPLITUDES,
+            "staggered_square.period": grids.STAGGERED_PERIODS,
+            "rate_square.period": grids.RATE_PERIODS,
+            "rate_square.margin": grids.MARGINS,
+            "margin of planners": grids.MARGINS,
+        },
+        "definitions": definitions(satellites, scenarios),
+        "entries": entries,
+    }
+    return tuned, tried
+
+
+def check_output(satellites: Sequence[str], scenarios: Sequence[str], output: Path, shipped: Path) -> None:
+    """Refuse satellites and scenarios that are not valid, and to write those of one's own into a shipped file.
+
+    Raises:
+        ValueError: one is unknown, not valid or has the name of another, or would be written among the shipped.
+    """
+    own = [x.name for x in (*select_satellites(satellites), *select_scenarios(scenarios))]
+    own = [name for name in own if name not in SATELLITES and name not in SCENARIOS]
+    if own and output.resolve() == shipped.resolve():
+        raise ValueError(f"{', '.join(own)} would replace the settings that are shipped: add --output FILE.json")
+
+
+def definitions(satellites: Sequence[Satellite], scenarios: Sequence[Scenario]) -> dict[str, Any]:
+    """In full, the satellites and scenarios that no catalogue has."""
+    return {
+        "satellites": {s.name: s.to_dict() for s in satellites if s.name not in SATELLITES},
+        "scenarios": {s.name: s.to_dict() for s in scenarios if s.name not in SCENARIOS},
+    }
+
+
+def main() -> int:
+    """Tune what the command line asks for; the exit code."""
+    settings = tyro.cli(Tuning, description=__doc__)
+    with refusal():
+        settings.check()
+    for path in (settings.output, settings.trials or settings.output):
+        check_writable(path.parent)
+    tuned, tried = run(settings)
+    write_json(settings.output, tuned)
+    if settings.trials is not None:
+        write_json(settings.trials, tried)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(ended(main))

@@ -1,0 +1,17 @@
+"""Bounds on how well the inertia can be known, by any estimator and by any excitation."""
+
+from satid_gym.bounds.course import Course
+from satid_gym.bounds.envelope import envelope_bound, rate_cap, reference_limit, sample_information
+from satid_gym.bounds.posterior import episode_bounds, law_growth, population_bound, posterior_bound
+
+__all__ = [
+    "Course",
+    "envelope_bound",
+    "episode_bounds",
+    "law_growth",
+    "population_bound",
+    "posterior_bound",
+    "rate_cap",
+    "reference_limit",
+    "sample_information",
+]

@@ -1,0 +1,1 @@
+"""Belief: the filters, which see readings and prior alone."""

@@ -1,0 +1,237 @@
+"""Adaptation: process noise of the inertia, estimated beside theta by recursive maximum likelihood.
+
+theta is a random walk of variance q a second, relative to its scale. An update that moves theta's mean by d and takes
+its covariance from P- to P+ tells what a measurement of theta alone would; the derivative of that measurement's
+log-likelihood by a parameter e of q, and the information on e, are
+
+    score = u.t + (u^T D u - tr W D) / 2,   information = t^T W t + tr (W D)^2 / 2
+    u = (P-)^-1 d,   W = (P-)^-1 - (P-)^-1 P+ (P-)^-1,   t = d theta / de,   D = dP / de before the update
+
+and with A = P+ (P-)^-1 the update takes t to A (t + D u), D to A D A^T. (That M's error is theta's as well is left
+out.) With q_min the least variance that matters
+
+    q / q_min = exp(e) for e >= 0,   1 + e for -1 <= e < 0
+
+so that q may also be 0; so that the estimate's noise is not taken for process noise, the filter uses 1 + e less -e
+times _DOUBT_SIGMAS standard deviations of e. e is a random walk itself: its variance falls with the information and
+grows with time. An innovation that no q explains is a step of the inertia: theta's covariance is raised before the
+update.
+Source: Mehra, Approaches to adaptive filtering (1972); Ljung and Soderstrom, Theory and practice of recursive
+identification (1983), ch. 3: the recursive prediction error method, here for a parameter of the noise.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core.algebra import dot, factor, invert, load
+from satid_gym.core.belief.gating import STEP, distance
+from satid_gym.core.jit import inline, outline
+from satid_gym.core.records import FLOAT, INT
+
+_LOG_Q_VARIANCE = 4.0  # of e before the first reading, and at most
+_LOG_Q_NOISE = 0.002  # variance that e gains a second where theta does not vary
+_LOG_Q_CHANGE_MAX = 2.0  # change of e by one reading
+_DOUBT_SIGMAS = 2.0
+_STEP_HOLDOFF = 30.0  # s between two steps: where readings go on to be implausible, the inertia is not the cause
+_STEP_DISTANCE = 40.0  # normalised innovation squared, of 3 degrees of freedom, that no q explains: one in 1e8
+
+
+@functools.cache
+def adaptation_dtype(p: int) -> np.dtype:
+    """Adaptation: its settings and state; void where `on` is 0."""
+    return np.dtype(
+        [
+            ("on", INT),
+            ("inertia_walk", FLOAT),  # first sqrt(q), per sqrt(s)
+            ("inertia_walk_min", FLOAT),  # sqrt(q_min)
+            ("inertia_walk_max", FLOAT),
+            ("log_q_drift", FLOAT),  # variance that e gains a second
+            ("log_q", FLOAT),  # e
+            ("log_q_max", FLOAT),
+            ("log_q_variance", FLOAT),
+            ("theta_slope", FLOAT, p),  # t
+            ("covariance_slope", FLOAT, (p, p)),  # D
+            ("steps", INT),  # of the inertia that were found
+            ("since_step", FLOAT),  # s
+        ],
+        align=True,
+    )
+
+
+@functools.cache
+def adaptation_work_dtype(p: int) -> np.dtype:
+    """Scratch space: theta and P before an update, and what the update did."""
+    return np.dtype(
+        [
+            ("theta", FLOAT, p),
+            ("P", FLOAT, (p, p)),
+            ("P_inv", FLOAT, (p, p)),
+            ("d", FLOAT, p),
+            ("P_inv_d", FLOAT, p),  # u
+            ("dP", FLOAT, (p, p)),
+            ("I_minus_A", FLOAT, (p, p)),
+            ("information_gain", FLOAT, (p, p)),  # W
+        ],
+        align=True,
+    )
+
+
+@inline
+def start(belief):
+    """State before the first reading."""
+    state = belief.adaptation
+    state.log_q = _log_q(state.inertia_walk, state.inertia_walk_min)
+    state.log_q_max = _log_q(state.inertia_walk_max, state.inertia_walk_min)
+    state.log_q_variance = _LOG_Q_VARIANCE
+    state.steps = 0
+    state.since_step = _STEP_HOLDOFF
+    forget(state)
+
+
+@inline
+def _log_q(walk, walk_min):
+    """e of a random walk per sqrt(s)."""
+    relative = (walk / walk_min) ** 2
+    return np.log(relative) if relative > 1.0 else relative - 1.0
+
+
+@inline
+def forget(state):
+    """Take theta and its covariance as they are, whatever q."""
+    for i in range(state.theta_slope.shape[0]):
+        state.theta_slope[i] = 0.0
+        for j in range(state.theta_slope.shape[0]):
+            state.covariance_slope[i, j] = 0.0
+
+
+@outline
+def predict(belief, dt):
+    """Set the process noise of the dt seconds to come, and what it does to the derivatives."""
+    state = belief.adaptation
+    e, q_min = state.log_q, state.inertia_walk_min**2
+    if e >= 0.0:
+        variance = slope = q_min * np.exp(e)
+        share = 1.0
+    else:
+        doubt = -e * _DOUBT_SIGMAS * np.sqrt(state.log_q_variance)
+        variance, slope, share = q_min * max(0.0, 1.0 + e - doubt), q_min, (1.0 + e) ** 2
+    for k in range(belief.theta_scale.shape[0]):
+        scale = belief.theta_scale[k]
+        belief.walk[3 + k] = np.sqrt(variance) * scale
+        state.covariance_slope[k, k] += slope * scale * scale * dt
+    grown = state.log_q_variance + (share * state.log_q_drift + _LOG_Q_NOISE) * dt
+    state.log_q_variance = min(grown, _LOG_Q_VARIANCE)
+    state.since_step += dt
+
+
+@inline
+def has_stepped(belief, work):
+    """Whether the whitened reading in work says that the inertia has stepped."""
+    innovation = load(work.innovation)
+    if belief.adaptation.since_step < _STEP_HOLDOFF or dot(innovation, innovation) <= _STEP_DISTANCE:
+        return False  # dot(innovation, innovation) is never less than the distance
+    return distance(belief, work, 3 + belief.theta_scale.shape[0]) > _STEP_DISTANCE
+
+
+@inline
+def step(belief):
+    """Raise theta's covariance for a step of the inertia, and count it."""
+    count_step(belief.adaptation)
+    for k in range(belief.theta_scale.shape[0]):
+        belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2
+
+
+@inline
+def count_step(state):
+    """Count a step of the inertia, and begin to estimate q again."""
+    forget(state)
+    state.steps += 1
+    state.since_step = 0.0
+    state.log_q_variance = _LOG_Q_VARIANCE
+
+
+@inline
+def keep(belief, work):
+    """Keep theta and its covariance before an update, for `learn`."""
+    kept = work.adaptation
+    for i in range(belief.theta_scale.shape[0]):
+        kept.theta[i] = belief.mean[3 + i]
+        for j in range(belief.theta_scale.shape[0]):
+            kept.P[i, j] = belief.covariance[3 + i, 3 + j]
+
+
+@outline
+def learn(belief, work):
+    """Update e and its derivatives by what an update has done to theta since `keep`."""
+    p = belief.theta_scale.shape[0]
+    state, w = belief.adaptation, work.adaptation
+    t, D, u, W = state.theta_slope, state.covariance_slope, w.P_inv_d, w.information_gain
+    if factor(w.P, 0, p, work.block) < 0.0:
+        return  # broken, which `uncertainty_nats` finds
+    invert(work.block, p, w.P_inv)
+    for i in range(p):
+        w.d[i] = belief.mean[3 + i] - w.theta[i]
+        for j in range(p):
+            w.dP[i, j] = w.P[i, j] - belief.covariance[3 + i, 3 + j]
+    _multiply(w.dP, w.P_inv, w.I_minus_A)
+    _multiply(w.P_inv, w.I_minus_A, W)
+    score = information = 0.0
+    for i in range(p):
+        u[i] = 0.0
+        for j in range(p):
+            u[i] += w.P_inv[i, j] * w.d[j]
+    for i in range(p):
+        score += u[i] * t[i]
+        for j in range(p):
+            score += 0.5 * (u[i] * u[j] - W[i, j]) * D[i, j]
+            information += t[i] * W[i, j] * t[j]
+    _multiply(W, D, w.dP)
+    for i in range(p):
+        for j in range(p):
+            information += 0.5 * w.dP[i, j] * w.dP[j, i]
+    _update_slopes(state, w)
+    variance = 1.0 / (1.0 / state.log_q_variance + max(information, 0.0))  # below 0 by rounding
+    change = min(max(variance * score, -_LOG_Q_CHANGE_MAX), _LOG_Q_CHANGE_MAX)
+    state.log_q = min(max(state.log_q + change, -1.0), state.log_q_max)
+    state.log_q_variance = variance
+
+
+@inline
+def _update_slopes(state, w):
+    """t and D after the update: A (t + D u) and A D A^T."""
+    p = state.theta_slope.shape[0]
+    t, D, I_minus_A, d, product = state.theta_slope, state.covariance_slope, w.I_minus_A, w.d, w.dP
+    for i in range(p):
+        d[i] = t[i]
+        for j in range(p):
+            d[i] += D[i, j] * w.P_inv_d[j]
+    _multiply(I_minus_A, D, product)
+    for i in range(p):
+        t[i] = d[i]
+        for j in range(p):
+            t[i] -= I_minus_A[i, j] * d[j]
+            D[i, j] -= product[i, j]  # A D
+    for i in range(p):
+        for j in range(i, p):
+            total = D[i, j]
+            for k in range(p):
+                total -= D[i, k] * I_minus_A[j, k]
+            product[i, j] = product[j, i] = total
+    for i in range(p):
+        for j in range(p):
+            D[i, j] = product[i, j]
+
+
+@inline
+def _multiply(a, b, out):
+    """out = a b, square matrices."""
+    size = out.shape[0]
+    for i in range(size):
+        for j in range(size):
+            total = 0.0
+            for k in range(size):
+                total += a[i, k] * b[k, j]
+            out[i, j] = total

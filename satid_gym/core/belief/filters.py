@@ -1,0 +1,87 @@
+"""Filters by kind: what an episode asks of a filter, handed to the module of the filter that flies.
+
+A new filter is a module with these functions, a member of `FilterKind` and a branch in each function here.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from satid_gym.core.algebra import load
+from satid_gym.core.belief import momentum_filter, rate_filter
+from satid_gym.core.jit import inline
+
+
+class FilterKind(IntEnum):
+    """Filter of a belief record."""
+
+    MOMENTUM, RATE = range(2)
+
+
+_MOMENTUM = int(FilterKind.MOMENTUM)
+
+
+@inline
+def start(belief, work, gyro, tachometer):
+    """Belief after the first reading."""
+    if belief.kind == _MOMENTUM:
+        momentum_filter.start(belief, work, gyro, tachometer)
+    else:
+        rate_filter.start(belief, work, gyro, tachometer)
+
+
+@inline
+def predict(belief, work, tachometer, dt):
+    """Move the belief on to the present reading of the tachometers."""
+    if belief.kind == _MOMENTUM:
+        momentum_filter.predict(belief, work, tachometer, dt)
+    else:
+        rate_filter.predict(belief, work, tachometer, dt)
+
+
+@inline
+def condition(belief, work, gyro, tachometer):
+    """Update the belief with the present readings; normalised innovation squared per degree of freedom."""
+    if belief.kind == _MOMENTUM:
+        return momentum_filter.condition(belief, work, gyro) / 3.0
+    return rate_filter.condition(belief, work, gyro, tachometer) / (3.0 + tachometer.shape[0])
+
+
+@inline
+def condition_wheels(belief, work, tachometer):
+    """Update the belief with the tachometers alone; normalised innovation squared per degree of freedom.
+
+    Without gyro the MomentumEKF has nothing to update: the tachometers are its prediction's input.
+    """
+    if belief.kind == _MOMENTUM:
+        return 0.0
+    return rate_filter.condition_wheels(belief, work, tachometer) / tachometer.shape[0]
+
+
+@inline
+def rate(belief):
+    """Estimated omega, rad/s."""
+    return momentum_filter.rate(belief) if belief.kind == _MOMENTUM else rate_filter.rate(belief)
+
+
+@inline
+def rate_used(belief, gyro):
+    """The gyro's reading or, where the filter coasts, the filter's own rate, rad/s."""
+    return load(gyro) if belief.coasting == 0 else rate(belief)
+
+
+@inline
+def momentum_and_torque(belief):
+    """Estimated total momentum, N m s, and disturbance torque, N m; the RateEKF knows no torque."""
+    if belief.kind == _MOMENTUM:
+        return momentum_filter.momentum(belief), momentum_filter.disturbance(belief)
+    return rate_filter.momentum(belief), (0.0, 0.0, 0.0)
+
+
+@inline
+def state_scale(belief, task, i):
+    """Scale of state i, which is no inertia parameter: what the envelope allows, the prior for a torque."""
+    p = belief.prior_theta.shape[0]
+    if belief.kind == _MOMENTUM:
+        return belief.theta_scale[i] * task.rate_limit if i < 3 else belief.prior_torque_std
+    return task.rate_limit if i < 3 else task.wheel_speed_max[i - 3 - p]

@@ -1,0 +1,215 @@
+"""Gating: validation of the readings of gyro and tachometers before the MomentumEKF uses them.
+
+A reading of a noisy sensor that equals the last one to the bit is repeated, not new; without noise a body at rest
+repeats its readings rightly. A gyro reading whose normalised innovation squared is beyond the gate is rejected; one
+after _REJECTIONS_MAX rejections in a row is accepted, for then the model is wrong: the inertia has changed, or the
+reading that M was started with was an outlier. Where no reading of the gyro is accepted the filter coasts: it
+propagates only.
+
+A wheel whose tachometer is stuck is assumed to follow its command, and may do otherwise by more than any motor can.
+The gyro then measures M - a = J omega, and momentum, which the wheels cannot change, says what went into the wheel:
+the update's part along its axis is taken as motion of the wheel (`follow_unmeasured_wheels`). M - a, and with it the
+covariance, does not depend on how an update is shared between the two. After an outage of the gyro as well nobody
+knows how the body turns, so M is reinitialised when both are back; theta keeps its estimate.
+Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
+(2001), ch. 5.4.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core.algebra import axpy, cross, dot, inverse, load, multiply, store, subtract
+from satid_gym.core.jit import inline
+from satid_gym.core.records import FLOAT, INT
+from satid_gym.core.wheels import along_axis, wheel_axis
+
+STUCK, _RECOVERED = 1, 2  # tachometer repeats itself; did so until the last reading
+_UNMEASURED_TORQUE_FACTOR = 10.0  # spin of a wheel without tachometer, over its motor's: less would tell of J
+_OUTAGE_MAX = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
+_REJECTIONS_MAX = 2  # in a row
+ACCEPTED, REINITIALISE, STEPPED = 0.0, -1.0, -2.0  # what `validate` returns for a reading that is not rejected
+STEP = 0.1  # std of a sudden change of each moment, relative to the prior: what a run of rejections stands for
+
+
+@functools.cache
+def gate_dtype(n: int) -> np.dtype:
+    """Gate: its settings and state."""
+    return np.dtype(
+        [
+            ("threshold", FLOAT),  # normalised innovation squared beyond which a reading is rejected; 0: no gate
+            ("gyro_noisy", INT),  # 0: the gyro is said to have no noise
+            ("torque_max", FLOAT, n),
+            ("rejections", INT),  # in a row
+            ("since_rejection", INT),  # samples since the first of them; void where there is none
+            ("confirmed", INT),  # 1: a reading has agreed with the one that M was started with
+            ("last_gyro", FLOAT, 3),
+            ("last_speed", FLOAT, n),  # of the tachometers
+            ("outage", INT),  # samples for which neither the gyro nor a stuck tachometer gave a new reading
+        ],
+        align=True,
+    )
+
+
+@inline
+def begin(belief, gyro, tachometer):
+    """Accept the first reading as it is."""
+    belief.gate.confirmed = 0
+    store(belief.gate.last_gyro, load(gyro))
+    for k in range(tachometer.shape[0]):
+        belief.gate.last_speed[k] = belief.speed[k] = tachometer[k]
+
+
+@inline
+def _shift(belief, k, spin):
+    """Add `spin` N m s about the axis of wheel k to M and to A j Omega; M - A j Omega stays."""
+    axis = wheel_axis(belief.axes, k)
+    store(belief.mean, axpy(spin, axis, load(belief.mean)))
+    store(belief.wheel_input, axpy(spin, axis, load(belief.wheel_input)))
+
+
+@inline
+def gate_tachometers(belief, tachometer, torque, dt):
+    """Write to belief.speed the wheel speeds (n,) that the filter uses, to belief.stuck the state of the tachometers.
+
+    A wheel without tachometer is taken to follow the commanded `torque` (n,).
+    """
+    unobserved = False
+    for k in range(tachometer.shape[0]):
+        unobserved = unobserved or (belief.stuck[k] == STUCK and belief.coasting != 0)
+        repeated = tachometer[k] == belief.gate.last_speed[k] and belief.tachometer_std > 0.0
+        belief.gate.last_speed[k] = tachometer[k]
+        if repeated:
+            belief.speed[k] += torque[k] * dt / belief.wheel_inertia[k]
+            belief.stuck[k] = STUCK
+        else:
+            if belief.stuck[k] == STUCK:
+                _shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
+            belief.speed[k] = tachometer[k]
+            belief.stuck[k] = _RECOVERED if belief.stuck[k] == STUCK else 0
+    if unobserved:
+        belief.gate.outage += 1
+    elif belief.gate.outage <= _OUTAGE_MAX:
+        belief.gate.outage = 0
+    belief.coasting = 1  # until a gyro reading is accepted
+    belief.gate.since_rejection += 1
+
+
+@inline
+def is_momentum_lost(belief):
+    """Whether M - a was unobserved for so long that nothing is known of M; it is over once all sensors are back."""
+    lost = belief.gate.outage > _OUTAGE_MAX
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] == STUCK:
+            return lost
+    belief.gate.outage = 0
+    return lost
+
+
+@inline
+def inflate_momentum(belief, J_inv, dt):
+    """Add to P_MM what wheels without tachometer may have done in the dt seconds of a prediction.
+
+    Spin s taken up evenly moves M - a by -s (A_k + dt / 2 M x J^-1 A_k).
+    """
+    covariance = belief.covariance
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] != 0:
+            axis = wheel_axis(belief.axes, k)
+            g = axpy(0.5 * dt, cross(load(belief.mean), multiply(J_inv, axis)), axis)
+            variance = (_UNMEASURED_TORQUE_FACTOR * belief.gate.torque_max[k] * dt) ** 2
+            for i in range(3):
+                for j in range(i, 3):
+                    covariance[i, j] = covariance[j, i] = covariance[i, j] + variance * g[i] * g[j]
+
+
+@inline
+def follow_unmeasured_wheels(belief, momentum):
+    """After an update that began at `momentum`, take its part along the axis of an unmeasured wheel as spin."""
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] == STUCK:
+            spin = -along_axis(belief.axes, k, subtract(load(belief.mean), momentum))
+            _shift(belief, k, spin)
+            belief.speed[k] += spin / belief.wheel_inertia[k]
+
+
+@inline
+def is_repeated(belief, gyro):
+    """Whether the gyro reading is repeated, which is counted; never where the gyro has no noise."""
+    repeated = belief.gate.gyro_noisy != 0
+    for i in range(3):
+        repeated = repeated and gyro[i] == belief.gate.last_gyro[i]
+        belief.gate.last_gyro[i] = gyro[i]
+    if repeated:
+        belief.rejected += 1
+    return repeated
+
+
+@inline
+def distance(belief, work, support):
+    """Normalised innovation squared of the whitened reading in work.rows and work.innovation."""
+    rows, covariance, ph = work.rows, belief.covariance, work.ph
+    s = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    for i in range(3):
+        for a in range(support):
+            ph[a] = 0.0
+            for b in range(support):
+                ph[a] += covariance[a, b] * rows[i, b]
+        x = y = z = 0.0
+        for a in range(support):
+            x += rows[0, a] * ph[a]
+            y += rows[1, a] * ph[a]
+            z += rows[2, a] * ph[a]
+        if i == 0:
+            s = (s[0] + x, s[1], s[2], y, z, s[5])
+        elif i == 1:
+            s = (s[0], s[1] + y, s[2], s[3], s[4], z)
+        else:
+            s = (s[0], s[1], s[2] + z, s[3], s[4], s[5])
+    innovation = load(work.innovation)
+    return dot(innovation, multiply(inverse(s), innovation))
+
+
+@inline
+def validate(belief, work, support):
+    """Normalised innovation squared of a reading that is rejected; else ACCEPTED, REINITIALISE or STEPPED.
+
+    A run of rejections inflates the covariance, for the inertia may have stepped (STEPPED: accept the reading), or
+    shows that the one reading that M was started with was an outlier (REINITIALISE).
+    """
+    innovation = load(work.innovation)
+    nis = 0.0
+    if dot(innovation, innovation) > belief.gate.threshold:  # never less than the distance
+        nis = distance(belief, work, support)
+    if nis <= belief.gate.threshold:
+        belief.gate.rejections = 0
+        return ACCEPTED
+    if belief.gate.rejections == 0:
+        belief.gate.since_rejection = 1  # the change came at the beginning of this sample
+    belief.gate.rejections += 1
+    if belief.gate.rejections > _REJECTIONS_MAX:
+        if belief.gate.confirmed == 0:
+            return REINITIALISE
+        belief.gate.rejections = 0
+        _inflate(belief, work, support - 3)
+        return STEPPED
+    belief.rejected += 1
+    return nis
+
+
+@inline
+def _inflate(belief, work, p):
+    """Add to the covariance a change of theta that came with the first rejection and has moved M since."""
+    covariance, steps = belief.covariance, belief.gate.since_rejection * belief.substeps
+    for k in range(p):
+        variance = (STEP * belief.theta_scale[k]) ** 2
+        covariance[3 + k, 3 + k] += variance
+        for i in range(3):
+            moved = steps * work.transition[i, 3 + k]
+            covariance[i, 3 + k] += moved * variance
+            covariance[3 + k, i] += moved * variance
+            for j in range(i, 3):
+                change = moved * variance * steps * work.transition[j, 3 + k]
+                covariance[i, j] = covariance[j, i] = covariance[i, j] + change

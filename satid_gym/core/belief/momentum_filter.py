@@ -1,0 +1,214 @@
+"""MomentumEKF: x = [M, theta, tau], with a = A j Omega from the tachometers a known input.
+
+    predict   dM/dt = M x omega + tau,  omega = J(theta)^-1 (M - a);  theta and tau random walks
+    measure   z = J(theta)^-1 (M - a) + noise,  R = sigma_gyro^2 1 + J^-1 N J^-1
+
+N is the covariance of a. Wheel torque noise, wheel saturation and the motion of J need no model here: they
+act through a, which is measured. Midpoint step; the Jacobians follow from
+d(omega) = J^-1 dM - J^-1 L(omega) dtheta, where J omega = L(omega) theta.
+Source: this project's design; the filter's form is that of Gelb, Applied Optimal Estimation (1974), ch. 6.
+"""
+
+from __future__ import annotations
+
+from satid_gym.core.algebra import (
+    add,
+    axpy,
+    axpy_symmetric,
+    congruence,
+    cross,
+    inverse,
+    load,
+    load_symmetric,
+    multiply,
+    store,
+    store_symmetric,
+    subtract,
+)
+from satid_gym.core.belief import adaptation, gating, momentum_model
+from satid_gym.core.belief.kalman import (
+    estimated_inertia,
+    propagate,
+    start_theta,
+    update,
+    write_times_regressor,
+)
+from satid_gym.core.jit import inline, outline
+from satid_gym.core.wheels import wheel_momentum
+
+_ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
+_ITERATIONS = 4
+
+
+@inline
+def start(belief, work, gyro, tachometer):
+    """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
+    start_theta(belief)
+    p = belief.prior_theta.shape[0]
+    store(belief.wheel_input, wheel_momentum(belief, tachometer))
+    gating.begin(belief, gyro, tachometer)
+    if belief.adaptation.on != 0:
+        adaptation.start(belief)
+    for i in range(3):
+        belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
+    _start_momentum(belief, work, gyro)
+
+
+@outline
+def _start_momentum(belief, work, gyro):
+    """M = J omega + a of one reading, with what is known of theta and with nothing of M before."""
+    p = belief.prior_theta.shape[0]
+    omega, a = load(gyro), load(belief.wheel_input)
+    inertia = estimated_inertia(belief)
+    store(belief.mean, add(multiply(inertia, omega), a))
+    covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
+    store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    write_times_regressor(identity, omega, regressor)
+    s2 = belief.gyro_std**2
+    noise = congruence(inertia, (s2, s2, s2, 0.0, 0.0, 0.0))
+    moment = work.jacobian[1]
+    store_symmetric(moment, axpy_symmetric(1.0, noise, load_symmetric(belief.wheel_momentum_covariance)))
+    for i in range(3):
+        for j in range(p + 3):
+            total = 0.0
+            for k in range(p):
+                total += regressor[i, k] * covariance[3 + k, 3 + j]
+            covariance[i, 3 + j] = covariance[3 + j, i] = total
+    for i in range(3):
+        for j in range(i, 3):
+            total = moment[i, j]
+            for k in range(p):
+                total += covariance[i, 3 + k] * regressor[j, k]
+            covariance[i, j] = covariance[j, i] = total
+
+
+@outline
+def predict(belief, work, tachometer, dt):
+    """Move the belief from the last reading to this one, dt seconds later."""
+    p = belief.prior_theta.shape[0]
+    J_inv = inverse(estimated_inertia(belief))
+    if belief.gate.threshold > 0.0:
+        gating.gate_tachometers(belief, tachometer, work.torque, dt)
+        after = wheel_momentum(belief, belief.speed)
+    else:
+        after = wheel_momentum(belief, tachometer)
+    if belief.adaptation.on != 0:
+        adaptation.predict(belief, dt)
+    before = load(belief.wheel_input)
+    per_step = 1.0 / belief.substeps
+    h = dt * per_step
+    noise = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
+    for step in range(belief.substeps):
+        a0 = axpy(step * per_step, subtract(after, before), before)
+        a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
+        momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
+        omega = multiply(J_inv, subtract(momentum, a0))
+        momentum_model.write_slope_jacobian(momentum, omega, J_inv, work, 0)
+        middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
+        omega = multiply(J_inv, subtract(middle, a1))
+        momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
+        store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
+        momentum_model.write_transition(work, p, h)
+        propagate(belief, work, h)
+        momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
+    if belief.gate.threshold > 0.0:
+        gating.inflate_momentum(belief, J_inv, dt)
+    store(belief.wheel_input, after)
+
+
+@inline
+def momentum(belief):
+    """Estimated total momentum M, N m s."""
+    return load(belief.mean)
+
+
+@inline
+def disturbance(belief):
+    """Estimated disturbance torque tau, N m."""
+    return load(belief.mean[3 + belief.prior_theta.shape[0] :])
+
+
+@inline
+def rate(belief):
+    """Estimated omega = J^-1 (M - a) at the last reading."""
+    residual = subtract(load(belief.mean), load(belief.wheel_input))
+    return multiply(inverse(estimated_inertia(belief)), residual)
+
+
+@inline
+def condition(belief, work, gyro):
+    """Update with one gyro reading (3,); returns the normalised innovation squared (3 degrees of freedom).
+
+    While a moment is known to no better than 5 %, the update is iterated (Gauss-Newton on the posterior):
+    omega is far from linear in theta there, and what one linearisation leaves is never forgotten.
+    Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
+    """
+    gated = belief.gate.threshold > 0.0
+    if gated and gating.is_repeated(belief, gyro):
+        return 0.0
+    momentum_model.linearise(belief, work, gyro)
+    if gated:
+        decision = gating.REINITIALISE
+        if not gating.is_momentum_lost(belief):
+            decision = gating.validate(belief, work, 3 + belief.prior_theta.shape[0])
+        if decision > 0.0:
+            return decision
+        if decision == gating.REINITIALISE:
+            _start_momentum(belief, work, gyro)
+            belief.coasting = belief.gate.confirmed = belief.gate.rejections = 0
+            return 0.0
+        if decision == gating.STEPPED and belief.adaptation.on != 0:
+            adaptation.count_step(belief.adaptation)
+    belief.coasting, belief.gate.confirmed = 0, 1
+    before = momentum(belief)
+    nis = _update(belief, work, gyro)
+    if gated:
+        gating.follow_unmeasured_wheels(belief, before)
+    return nis
+
+
+@outline
+def _update(belief, work, gyro):
+    """Update by the reading, which is linearised about the mean in work."""
+    support = 3 + belief.prior_theta.shape[0]
+    if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work):
+        adaptation.step(belief)
+    if not _is_coarse(belief):
+        if belief.adaptation.on == 0:
+            return update(belief, work, 3, support)
+        adaptation.keep(belief, work)
+        nis = update(belief, work, 3, support)
+        adaptation.learn(belief, work)
+        return nis
+    if belief.adaptation.on != 0:
+        adaptation.forget(belief.adaptation)
+    size, prior_mean, prior = belief.mean.shape[0], work.prior_mean, work.prior_covariance
+    _copy(belief.mean, belief.covariance, prior_mean, prior, size)
+    nis, constrained_updates = 0.0, belief.constrained_updates
+    for iteration in range(_ITERATIONS):
+        if iteration > 0:
+            momentum_model.linearise(belief, work, gyro)
+        for r in range(3):
+            for k in range(support):
+                work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
+        _copy(prior_mean, prior, belief.mean, belief.covariance, size)
+        nis = update(belief, work, 3, support)
+    belief.constrained_updates = min(belief.constrained_updates, constrained_updates + 1)
+    return nis
+
+
+@inline
+def _is_coarse(belief):
+    """Whether a moment is known to no better than 5 %."""
+    coarse = False
+    for k in range(3):
+        coarse = coarse or belief.covariance[3 + k, 3 + k] > (_ITERATE_ABOVE * belief.mean[3 + k]) ** 2
+    return coarse
+
+
+@inline
+def _copy(mean, covariance, to_mean, to_covariance, size):
+    for i in range(size):
+        to_mean[i] = mean[i]
+        for j in range(size):
+            to_covariance[i, j] = covariance[i, j]

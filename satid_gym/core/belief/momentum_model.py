@@ -1,0 +1,127 @@
+"""Model of the MomentumEKF, linearised: its prediction's Jacobian, and a gyro reading's rows; see momentum_filter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.algebra import (
+    add,
+    add_diagonal,
+    congruence,
+    inverse,
+    load,
+    load_symmetric,
+    multiply,
+    store,
+    store_symmetric,
+    subtract,
+)
+from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
+from satid_gym.core.jit import inline, outline
+
+_EXCITATION_SIGMAS = 5.0  # standard deviations of a rate within which it counts as noise, not as excitation
+
+
+@inline
+def write_slope_jacobian(momentum, omega, J_inv, work, slot):
+    """d(M x omega + tau) by M to work.jacobian[slot], by theta to work.sensitivity[slot]."""
+    jacobian, sensitivity = work.jacobian[slot], work.sensitivity[slot]
+    write_cross_times(momentum, J_inv, jacobian)
+    write_times_regressor(jacobian, (-omega[0], -omega[1], -omega[2]), sensitivity)
+    x, y, z = omega
+    jacobian[0, 1] += z
+    jacobian[0, 2] -= y
+    jacobian[1, 0] -= z
+    jacobian[1, 2] += x
+    jacobian[2, 0] += y
+    jacobian[2, 1] -= x
+
+
+@inline
+def write_transition(work, p, h):
+    """First three rows of the midpoint step's Jacobian, from the slopes' Jacobians at its two stages."""
+    first, second, transition = work.jacobian[0], work.jacobian[1], work.transition
+    for i in range(3):
+        for j in range(3):
+            total = second[i, j]
+            for k in range(3):
+                total += 0.5 * h * second[i, k] * first[k, j]
+            transition[i, j] = h * total
+            transition[i, 3 + p + j] = 0.5 * h * h * second[i, j]
+        transition[i, i] += 1.0
+        transition[i, 3 + p + i] += h
+        for j in range(p):
+            total = work.sensitivity[1, i, j]
+            for k in range(3):
+                total += 0.5 * h * second[i, k] * work.sensitivity[0, k, j]
+            transition[i, 3 + j] = h * total
+
+
+@inline
+def add_tachometer_noise(belief, work, momentum, noise, h2):
+    """P_MM += h2 [M x] J^-1 N J^-1 [M x]^T: what tachometer noise does to the predicted momentum."""
+    half = work.jacobian[2]
+    write_cross_times(momentum, noise, half)
+    x, y, z = momentum
+    for i in range(3):
+        a, b, c = h2 * half[i, 0], h2 * half[i, 1], h2 * half[i, 2]
+        row = (c * y - b * z, a * z - c * x, b * x - a * y)
+        for j in range(i, 3):
+            belief.covariance[i, j] = belief.covariance[j, i] = belief.covariance[i, j] + row[j]
+
+
+@inline
+def _beyond(rate, spin, noise):
+    """The rate where it stands out of its noise, of variance spin (1 - spin / noise); else 0."""
+    return rate if rate * rate > _EXCITATION_SIGMAS**2 * spin * (1.0 - spin / noise) else 0.0
+
+
+@outline
+def linearise(belief, work, gyro):
+    """Whitened rows and innovation of the gyro reading about the filter's mean.
+
+    The derivative by theta is taken at the rate that reading and prediction together make most likely,
+    omega + S R^-1 (z - omega), S = J^-1 N J^-1: the tachometers' noise is in the prediction and so in the
+    innovation, and would bias theta if it were in the derivative as well. A component within five of its
+    standard deviations is taken as none: noise is no excitation.
+    """
+    p = belief.prior_theta.shape[0]
+    J_inv = inverse(estimated_inertia(belief))
+    omega = multiply(J_inv, subtract(load(belief.mean), load(belief.wheel_input)))
+    residual = subtract(load(gyro), omega)
+    spin = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
+    noise = add_diagonal(belief.gyro_std**2, spin)
+    likely = add(omega, multiply(spin, multiply(inverse(noise), residual)))
+    likely = (
+        _beyond(likely[0], spin[0], noise[0]),
+        _beyond(likely[1], spin[1], noise[1]),
+        _beyond(likely[2], spin[2], noise[2]),
+    )
+    rows, jacobian = work.rows, work.jacobian[0]
+    store_symmetric(jacobian, J_inv)
+    write_times_regressor(jacobian, (-likely[0], -likely[1], -likely[2]), work.regressor)
+    for i in range(3):
+        for j in range(3):
+            rows[i, j] = jacobian[i, j]
+        for k in range(p):
+            rows[i, 3 + k] = work.regressor[i, k]
+    store(work.innovation, residual)
+    whiten(work, noise, 3 + p)
+
+
+@inline
+def whiten(work, noise, support):
+    """Divide rows and innovation by the Cholesky factor of their noise covariance."""
+    rows, innovation = work.rows, work.innovation
+    l00 = np.sqrt(noise[0])
+    l10, l20 = noise[3] / l00, noise[4] / l00
+    l11 = np.sqrt(noise[1] - l10 * l10)
+    l21 = (noise[5] - l20 * l10) / l11
+    l22 = np.sqrt(noise[2] - l20 * l20 - l21 * l21)
+    for j in range(support):
+        r0 = rows[0, j] / l00
+        r1 = (rows[1, j] - l10 * r0) / l11
+        rows[0, j], rows[1, j], rows[2, j] = r0, r1, (rows[2, j] - l20 * r0 - l21 * r1) / l22
+    y0 = innovation[0] / l00
+    y1 = (innovation[1] - l10 * y0) / l11
+    innovation[0], innovation[1], innovation[2] = y0, y1, (innovation[2] - l20 * y0 - l21 * y1) / l22

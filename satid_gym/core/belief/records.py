@@ -1,0 +1,77 @@
+"""Records of the belief: `belief`, one row an environment, and `work`, the scratch space of one thread."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core.belief.adaptation import adaptation_dtype, adaptation_work_dtype
+from satid_gym.core.belief.gating import gate_dtype
+from satid_gym.core.records import FLOAT, INT
+
+
+@functools.cache
+def belief_dtype(n: int, p: int, size: int) -> np.dtype:
+    """Belief: what the filter was told before launch, and its state.
+
+    mean is [M, theta, disturbance torque] for MOMENTUM, [omega, theta, wheel speed] for RATE.
+    """
+    return np.dtype(
+        [
+            ("kind", INT),
+            ("axes", FLOAT, (3, n)),
+            ("wheel_inertia", FLOAT, n),
+            ("gyro_std", FLOAT),
+            ("tachometer_std", FLOAT),
+            ("wheel_momentum_covariance", FLOAT, (3, 3)),  # of A j Omega, from the tachometers
+            ("walk", FLOAT, size),  # process noise: random walk of each state, per sqrt(s)
+            ("substeps", INT),
+            ("prior_theta", FLOAT, p),
+            ("prior_theta_std", FLOAT, p),
+            ("theta_scale", FLOAT, p),  # prior moments; geometric means of two of them for the products
+            ("prior_torque_std", FLOAT),
+            ("prior_std", FLOAT, 2),  # RATE: of omega and of wheel speed
+            ("mean", FLOAT, size),
+            ("covariance", FLOAT, (size, size)),
+            ("wheel_input", FLOAT, max(3, n)),  # last A j Omega (3) for MOMENTUM, last Omega (n) for RATE
+            ("constrained_updates", INT),  # updates shortened because the inertia would have left its physical range
+            ("broken", INT),  # 1 once the covariance was not positive definite
+            ("coasting", INT),  # 1: the filter has accepted no gyro reading of this instant and only propagates
+            ("speed", FLOAT, n),  # wheel speeds that the filter uses
+            ("stuck", INT, n),  # 1: the tachometer repeats itself; 2: did so until this reading
+            ("rejected", INT),  # readings rejected, repeated ones among them
+            ("gate", gate_dtype(n)),
+            ("adaptation", adaptation_dtype(p)),
+        ],
+        align=True,
+    )
+
+
+@functools.cache
+def work_dtype(n: int, p: int, size: int) -> np.dtype:
+    """Scratch space of one thread."""
+    wide = max(size, 3)
+    return np.dtype(
+        [
+            ("torque", FLOAT, n),  # commanded for the decision under way
+            ("transition", FLOAT, (wide, wide)),
+            ("product", FLOAT, (wide, wide)),
+            ("prior_mean", FLOAT, wide),  # before an update that is iterated
+            ("prior_covariance", FLOAT, (wide, wide)),
+            ("regressor", FLOAT, (3, p)),
+            ("rows", FLOAT, (3 + n, wide)),
+            ("jacobian", FLOAT, (4, 3, 3)),
+            ("sensitivity", FLOAT, (3, 3, p)),
+            ("ph", FLOAT, wide),
+            ("remainder", FLOAT, wide),
+            ("gain", FLOAT, wide),
+            ("delta", FLOAT, wide),
+            ("theta", FLOAT, p),
+            ("innovation", FLOAT, 3 + n),
+            ("block", FLOAT, (p, p)),
+            ("adaptation", adaptation_work_dtype(p)),
+            ("wheel", FLOAT, (4, n)),
+        ],
+        align=True,
+    )

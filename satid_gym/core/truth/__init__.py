@@ -1,0 +1,1 @@
+"""Truth: the satellite as it is, its sensors, and how an episode is drawn."""

@@ -1,0 +1,39 @@
+"""External torque: gravity gradient, solar pressure, constant and orbit-periodic torque."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.algebra import (
+    add,
+    axpy,
+    cross,
+    load,
+    multiply,
+)
+from satid_gym.core.jit import inline
+
+
+@inline
+def to_body(q, v):
+    """An inertial vector in the body frame; q is body to inertial, scalar last."""
+    a = (-q[0], -q[1], -q[2])
+    t = cross(a, v)
+    t = (2.0 * t[0], 2.0 * t[1], 2.0 * t[2])
+    return add(axpy(q[3], t, v), cross(a, t))
+
+
+@inline
+def external_torque(plant, t, q, inertia):
+    """Gravity gradient 3 n^2 r x J r, solar pressure, constant and orbit-periodic torque, body frame, N m.
+
+    The nadir r is the inertial (cos nt, sin nt, 0) seen from the body. Source: Hughes (1986), ch. 8.
+    """
+    cosine, sine = np.cos(plant.orbit_rate * t), np.sin(plant.orbit_rate * t)
+    tau = axpy(cosine, load(plant.torque_cosine), load(plant.torque_constant))
+    tau = axpy(sine, load(plant.torque_sine), tau)
+    tau = add(tau, cross(load(plant.solar_offset), to_body(q, load(plant.solar_force))))
+    if plant.gravity_gradient != 0:
+        r = to_body(q, (cosine, sine, 0.0))
+        tau = axpy(3.0 * plant.orbit_rate**2, cross(r, multiply(inertia, r)), tau)
+    return tau

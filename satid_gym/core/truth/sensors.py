@@ -1,0 +1,39 @@
+"""Sensors and motors: readings of gyro and tachometers, and the torque that the motors really give."""
+
+from __future__ import annotations
+
+from satid_gym.core.jit import inline, outline
+from satid_gym.core.random import normal
+from satid_gym.core.truth import faults
+
+
+@outline
+def read_sensors(plant):
+    """Write gyro (3,) and tachometer (n,) readings at plant.time."""
+    silent, stuck = faults.gyro_dropped(plant), faults.stuck_tachometer(plant)
+    for i in range(3):
+        reading = plant.rate[i] + plant.gyro_bias[i] + plant.gyro_noise_std * normal(plant.stream)
+        if not silent:
+            plant.gyro[i] = reading
+    for k in range(plant.tachometer.shape[0]):
+        reading = plant.wheel_speed[k] + plant.tachometer_noise_std * normal(plant.stream)
+        if k != stuck:
+            plant.tachometer[k] = reading
+    if plant.faulty != 0:
+        faults.spike_gyro(plant)
+
+
+@inline
+def drive_motors(plant, torque, dt):
+    """Motor torque of one sample period: `torque` (n,) with noise, held within the limit, behind a first-order lag.
+
+    The discrete factor dt / (lag + dt) is the paper's; without lag the motor follows at once.
+    """
+    follow = dt / (plant.torque_lag + dt)
+    weak = faults.weak_wheel(plant)
+    for k in range(torque.shape[0]):
+        noisy = torque[k] + plant.torque_noise_std[k] * normal(plant.stream)
+        wanted = min(max(noisy, -plant.torque_max[k]), plant.torque_max[k])
+        if k == weak:
+            wanted *= plant.wheel_loss_left
+        plant.motor_torque[k] += follow * (wanted - plant.motor_torque[k])

@@ -1,0 +1,1 @@
+"""Batch regression: inertia from a whole record of readings."""

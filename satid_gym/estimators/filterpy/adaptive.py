@@ -1,0 +1,84 @@
+"""Reference AdaptiveEKF: filterpy's algebra, and the estimation of the process noise as its equations stand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.estimators.filterpy.momentum import FilterpyMomentumEKF
+from satid_gym.estimators.prior import FilterPrior
+
+
+class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
+    """AdaptiveEKF by filterpy's ExtendedKalmanFilter; for the equations see `satid_gym.core.belief.adaptation`.
+
+    Args:
+        **settings: fields of `MomentumEKFSettings`.
+    """
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**{"adaptive": True, **settings})
+
+    def reset(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+        """Start from what is known before launch and the first reading."""
+        super().reset(prior, gyro, wheel_speed)
+        self._scale = prior.theta_scale(self.model.parameters)
+        self._e, self._variance = self._log_q(self.momentum.inertia_walk), 4.0
+        self.steps, self._since_step = 0, 30.0
+        self._forget()
+
+    def _log_q(self, walk: float) -> float:
+        relative = (walk / self.momentum.inertia_walk_min) ** 2
+        return float(np.log(relative)) if relative > 1.0 else relative - 1.0
+
+    def _forget(self) -> None:
+        p = self.model.p
+        self._theta_slope, self._covariance_slope = np.zeros(p), np.zeros((p, p))
+
+    def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
+        """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
+        e, q_min, p = self._e, self.momentum.inertia_walk_min**2, self.model.p
+        if e >= 0.0:
+            q = slope = q_min * np.exp(e)
+        else:
+            q, slope = q_min * max(0.0, 1.0 + e * (1.0 + 2.0 * np.sqrt(self._variance))), q_min
+        self.model.walk[3 : 3 + p] = np.sqrt(q) * self._scale
+        self._covariance_slope = self._covariance_slope + np.diag(slope * self._scale**2 * dt)
+        drift = self.momentum.log_q_drift * min(1.0, 1.0 + e) ** 2
+        self._variance = min(self._variance + (drift + 0.002) * dt, 4.0)
+        self._since_step += dt
+        super().predict(wheel_speed, dt)
+
+    def _count_step(self) -> None:
+        self._forget()
+        self.steps, self._since_step, self._variance = self.steps + 1, 0.0, 4.0
+
+    def _condition(self, gyro: np.ndarray) -> float:
+        kf, theta = self.filter, slice(3, 3 + self.model.p)
+        mean, covariance = kf.x.copy(), kf.P.copy()
+        coarse = self.model.iterations(mean, covariance) > 1
+        nis = super()._condition(gyro)
+        if not coarse and (3.0 * nis <= 40.0 or self._since_step < 30.0):
+            self._learn(kf.x[theta] - mean[theta], covariance[theta, theta], kf.P[theta, theta])
+            return nis
+        if not coarse:
+            covariance[theta, theta] += np.diag((0.1 * self._scale) ** 2)
+            kf.x, kf.P = mean, covariance
+            self._count_step()
+            before, known = kf.x.copy(), kf.P.copy()
+            nis = super()._condition(gyro)
+            if self.model.iterations(before, known) == 1:
+                self._learn(kf.x[theta] - before[theta], known[theta, theta], kf.P[theta, theta])
+        else:
+            self._forget()
+        return nis
+
+    def _learn(self, d: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        inverse = np.linalg.inv(before)
+        u, w, t, slope = inverse @ d, inverse @ (before - after) @ inverse, self._theta_slope, self._covariance_slope
+        score = u @ t + 0.5 * (u @ slope @ u - np.trace(w @ slope))
+        information = t @ w @ t + 0.5 * np.trace(w @ slope @ w @ slope)
+        kept = np.eye(len(d)) - (before - after) @ inverse
+        self._theta_slope, self._covariance_slope = kept @ (t + slope @ u), kept @ slope @ kept.T
+        self._variance = 1.0 / (1.0 / self._variance + information)
+        e = self._e + np.clip(self._variance * score, -2.0, 2.0)
+        self._e = float(np.clip(e, -1.0, self._log_q(self.momentum.inertia_walk_max)))

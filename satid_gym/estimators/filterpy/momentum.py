@@ -1,0 +1,190 @@
+"""Reference MomentumEKF, extended and unscented: filterpy's algebra around the same model, in plain numpy.
+
+Slow and plain on purpose: the compiled filters are compared with them, and they are a pattern for filters of your own.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+from satid_gym.estimators.filterpy.gate import Gate
+from satid_gym.estimators.filterpy.model import MomentumModel, tensor
+from satid_gym.estimators.inertia import Parameters
+from satid_gym.estimators.momentum import MomentumEKFSettings
+from satid_gym.estimators.prior import FilterPrior
+from satid_gym.estimators.settings import EstimatorSettings
+
+
+class Reference:
+    """Base of the reference filters."""
+
+    def __init__(self, settings: EstimatorSettings) -> None:
+        self.settings = settings
+        self.filter: Any = None  # filterpy's, which carries no types
+
+    @property
+    def parameters(self) -> Parameters | None:
+        """ "principal", "full", or None: what the prior needs."""
+        return self.settings.parameters
+
+    @property
+    def mean(self) -> np.ndarray:
+        """(size,) state."""
+        return np.array(self.filter.x)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(size, size)."""
+        return np.array(self.filter.P)
+
+
+class FilterpyMomentumEKF(Reference):
+    """MomentumEKF without adaptation by filterpy's ExtendedKalmanFilter.
+
+    Args:
+        **settings: fields of `MomentumEKFSettings`.
+
+    Raises:
+        ValueError: adaptation is asked for.
+    """
+
+    coordinates: Literal["momentum"] = "momentum"
+
+    def __init__(self, **settings: object) -> None:
+        self.momentum = MomentumEKFSettings.from_dict(settings)
+        super().__init__(self.momentum)
+        if self.momentum.adaptive and type(self) is FilterpyMomentumEKF:
+            raise ValueError("FilterpyMomentumEKF has no adaptation: use FilterpyAdaptiveEKF, or adaptive=False")
+        self._gate: Gate | None = None
+
+    def reset(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
+        """Start from what is known before launch and the first reading."""
+        self.model = MomentumModel(self.momentum, prior)
+        self.filter = self._new_filter()
+        self.filter.x, self.filter.P = self.model.start(gyro, wheel_speed)
+        self._a = self.model.spin @ wheel_speed
+        self._gate = Gate(self.model, gyro, wheel_speed) if self.momentum.gate > 0.0 else None
+
+    def command(self, torque: np.ndarray) -> None:
+        """Note the motor torque (n,) commanded from now on, N m; wheels without tachometer are assumed to follow it."""
+        if self._gate is not None:
+            self._gate.torque = np.array(torque)
+
+    @property
+    def accepted(self) -> tuple[bool, np.ndarray] | None:
+        """Whether the last gyro reading was accepted, and the wheel speeds (n,) used; None without a gate."""
+        return None if self._gate is None else (not self._gate.coasting, self._gate.speed.copy())
+
+    def _new_filter(self) -> ExtendedKalmanFilter:
+        return ExtendedKalmanFilter(dim_x=self.model.size, dim_z=3)
+
+    def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
+        """Move the belief on by dt seconds to the reading `wheel_speed` (n,)."""
+        gate = self._gate
+        if gate is not None:
+            shift = gate.look(wheel_speed, dt)
+            self.filter.x[:3] += shift
+            self._a = self._a + shift
+            wheel_speed = gate.speed
+        start, end = self._a, self.model.spin @ wheel_speed
+        steps = self.momentum.substeps
+        h = dt / steps
+        for i in range(steps):
+            a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
+            self._predict_step(a0, a1, h, dt)
+        if gate is not None:
+            J_inv = np.linalg.inv(tensor(self.model.split(self.filter.x)[1]))
+            self.filter.P[:3, :3] += gate.freedom(self.filter.x[:3], J_inv, dt)
+        self._a = end
+
+    def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
+        kf, x = self.filter, self.filter.x
+        kf.F = self.model.step_jacobian(x, a0, a1, h)
+        kf.Q = self.model.process_noise(x, a0, h, dt)
+        kf.predict_x = lambda u: setattr(kf, "x", self.model.step(x, a0, a1, h))
+        kf.predict()
+
+    def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
+        """Update with the reading; returns the normalised innovation squared per degree of freedom."""
+        kf, gate = self.filter, self._gate
+        if gate is None:
+            return self._condition(gyro)
+        if gate.repeated(gyro):
+            return 0.0
+        rejected = None if gate.momentum_lost() else gate.reject(kf, self._a, gyro)
+        if rejected is None:
+            self.model.start_momentum(kf.x, kf.P, self._a, gyro)
+            gate.confirmed, gate.rejections = False, 0
+            return 0.0
+        if rejected > 0.0:
+            return rejected / 3.0
+        gate.confirmed = True
+        if gate.stepped:
+            self._count_step()
+        before = kf.x[:3].copy()
+        nis = self._condition(gyro)
+        shift = gate.attribute(kf.x[:3] - before)
+        kf.x[:3] += shift
+        self._a = self._a + shift
+        return nis
+
+    def _count_step(self) -> None:
+        """Note a step of the inertia: nothing to do without adaptation."""
+
+    def _condition(self, gyro: np.ndarray) -> float:
+        kf, model, a = self.filter, self.model, self._a
+        prior, covariance = kf.x.copy(), kf.P.copy()
+        for _ in range(model.iterations(prior, covariance)):
+            point = kf.x.copy()
+            slope, value = model.measurement_jacobian(point, a, gyro), model.rate(point, a)
+            noise = model.measurement_noise(point)
+            kf.x, kf.P = prior.copy(), covariance.copy()
+            kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
+        return float(kf.y @ kf.SI @ kf.y) / 3.0
+
+
+class FilterpyMomentumUKF(FilterpyMomentumEKF):
+    """The same model under filterpy's unscented filter: no Jacobians, curvature to second order.
+
+    Args:
+        **settings: fields of `MomentumEKFSettings`.
+
+    Raises:
+        ValueError: a gate or adaptation is asked for; this filter has none.
+    """
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**settings)
+        if self.momentum.gate > 0.0 or self.momentum.adaptive:
+            raise ValueError(
+                "FilterpyMomentumUKF has neither gate nor adaptation: gate must be 0 and adaptive False, got "
+                f"{self.momentum.gate} and {self.momentum.adaptive}"
+            )
+
+    def _new_filter(self) -> UnscentedKalmanFilter:
+        size = self.model.size
+        points = MerweScaledSigmaPoints(size, alpha=0.5, beta=2.0, kappa=3.0 - size, sqrt_method=_root)
+        return UnscentedKalmanFilter(size, 3, dt=1.0, hx=self.model.rate, fx=self._step, points=points)
+
+    def _step(self, x: np.ndarray, dt: float, a0: np.ndarray, a1: np.ndarray) -> np.ndarray:
+        return self.model.step(x, a0, a1, dt)
+
+    def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
+        self.filter.Q = self.model.process_noise(self.filter.x, a0, h, dt)
+        self.filter.predict(dt=h, a0=a0, a1=a1)
+
+    def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
+        """Update with the reading; returns the normalised innovation squared per degree of freedom."""
+        kf = self.filter
+        kf.update(gyro, R=self.model.measurement_noise(kf.x), a=self._a)
+        return float(kf.y @ kf.SI @ kf.y) / 3.0
+
+
+def _root(matrix: np.ndarray) -> np.ndarray:
+    """U with U^T U = matrix, for a matrix that may be only positive semidefinite, scaled to unit diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale

@@ -1,0 +1,146 @@
+"""MomentumEKF: its settings and its compiled form, with adaptation and gate as options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.special
+
+from satid_gym.config import check_number, check_whole
+from satid_gym.core.belief.filters import FilterKind
+from satid_gym.estimators.compiled import CompiledEKF
+from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
+from satid_gym.estimators.prior import FilterPrior
+from satid_gym.estimators.settings import EstimatorSettings
+
+FIXED_WALK, FIRST_WALK = 0.004, 0.0015  # default inertia_walk without and with adaptation
+_SUBSTEPS_MAX = 1000
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MomentumEKFSettings(EstimatorSettings):
+    """Tuning of the MomentumEKF.
+
+    Attributes:
+        name: "momentum".
+        parameters: see `EstimatorSettings`.
+        adaptive: whether it estimates the process noise of the inertia, and finds its steps; see
+            `satid_gym.core.belief.adaptation`.
+        inertia_walk: process noise: random walk of each moment relative to its prior, per sqrt(s); with adaptation
+            that of the start. None is 0.0015 with adaptation and 0.004 without.
+        inertia_walk_min: with adaptation, the least that matters, per sqrt(s): below it the variance is estimated
+            instead of its logarithm, and may be 0.
+        inertia_walk_max: with adaptation, the largest, per sqrt(s): an inertia that varies faster is followed too
+            slowly, and the covariance is then too small.
+        log_q_drift: with adaptation, variance that the logarithm of the process noise gains a second.
+        disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the prior's.
+        substeps: midpoint steps between two readings.
+        gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
+            of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
+
+    Raises:
+        ValueError: a value is out of range, or with adaptation a walk is more than inertia_walk_max.
+    """
+
+    kind = FilterKind.MOMENTUM
+    coordinates = "momentum"
+
+    name: Literal["momentum"] = "momentum"
+    adaptive: bool = False
+    inertia_walk: float = None  # type: ignore[assignment]  # settled when built
+    inertia_walk_min: float = 0.0001
+    inertia_walk_max: float = 0.02
+    log_q_drift: float = 0.05
+    disturbance_walk: float | None = None
+    substeps: int = 1
+    gate: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.inertia_walk is None:
+            object.__setattr__(self, "inertia_walk", FIRST_WALK if self.adaptive else FIXED_WALK)
+        super().__post_init__()
+        check_number("inertia_walk", self.inertia_walk)
+        check_number("gate", self.gate, high=0.1)
+        if self.disturbance_walk is not None:
+            check_number("disturbance_walk", self.disturbance_walk)
+        check_whole("substeps", self.substeps, high=_SUBSTEPS_MAX)
+        check_number("inertia_walk_max", self.inertia_walk_max, strict=True)
+        check_number("inertia_walk_min", self.inertia_walk_min, strict=True)
+        check_number("log_q_drift", self.log_q_drift)
+        for name in ("inertia_walk", "inertia_walk_min") if self.adaptive else ():
+            if getattr(self, name) > self.inertia_walk_max:
+                raise ValueError(
+                    f"{name} of an adaptive MomentumEKF must be at most inertia_walk_max, {self.inertia_walk_max:g}, "
+                    f"got {getattr(self, name):g}: raise inertia_walk_max as well for an inertia that varies faster"
+                )
+
+    @property
+    def gate_distance(self) -> float:
+        """Normalised innovation squared of a gyro reading beyond which it is rejected; 0 without a gate."""
+        return float(scipy.special.chdtri(3, self.gate)) if self.gate > 0.0 else 0.0
+
+    def torque_walk(self, prior: FilterPrior) -> float:
+        """Random walk of the disturbance torque, N m per sqrt(s)."""
+        if self.disturbance_walk is None:
+            return prior.disturbance_walk
+        return self.disturbance_walk * prior.disturbance_std
+
+    @staticmethod
+    def other_states(wheels: int) -> int:
+        """Momentum and disturbance torque."""
+        return 6
+
+    def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
+        """Write prior and tuning to a belief record."""
+        p, wheels = PARAMETER_COUNT[parameters], prior.wheels
+        row["gyro_std"], row["tachometer_std"] = prior.gyro_noise_std, prior.tachometer_noise_std
+        spin_std = wheels.inertia * prior.tachometer_noise_std
+        row["wheel_momentum_covariance"] = (wheels.axes * spin_std**2) @ wheels.axes.T
+        row["prior_theta_std"] = prior.prior_theta_std(parameters)
+        row["prior_torque_std"] = prior.disturbance_std
+        row["walk"][3 : 3 + p] = self.inertia_walk * row["theta_scale"]
+        row["walk"][3 + p :] = self.torque_walk(prior)
+        row["substeps"] = self.substeps
+        gate, adaptation = row["gate"], row["adaptation"]
+        gate["threshold"], gate["gyro_noisy"] = self.gate_distance, prior.gyro_is_noisy
+        gate["torque_max"] = wheels.max_torque
+        adaptation["on"] = self.adaptive
+        for name in ("inertia_walk", "inertia_walk_min", "inertia_walk_max", "log_q_drift"):
+            adaptation[name] = getattr(self, name)
+
+
+class MomentumEKF(CompiledEKF):
+    """The EKF in momentum coordinates: x = [M, theta, tau].
+
+    Args:
+        **settings: fields of `MomentumEKFSettings`.
+    """
+
+    settings: MomentumEKFSettings
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(MomentumEKFSettings.from_dict(settings))
+
+    @property
+    def inertia_walk(self) -> float:
+        """Random walk of each moment relative to its prior, per sqrt(s), that the last prediction used."""
+        row = self.record
+        return float(row["walk"][3] / row["theta_scale"][0])
+
+    @property
+    def steps(self) -> int:
+        """Steps of the inertia that were found, with adaptation."""
+        return int(self.record["adaptation"]["steps"])
+
+
+class AdaptiveEKF(MomentumEKF):
+    """The default filter: the MomentumEKF with adaptation.
+
+    Args:
+        **settings: fields of `MomentumEKFSettings`.
+    """
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**{"adaptive": True, **settings})
