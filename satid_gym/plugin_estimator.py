@@ -17,6 +17,7 @@ from satid_gym.estimators.protocol import Estimator
 from satid_gym.estimators.rate import RateEKFSettings
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
+from satid_gym.tolerances import Tolerances
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,9 +27,14 @@ class PluginSettings(EstimatorSettings):
     standard: ClassVar[type[EstimatorSettings]]
     """Settings of the library's filter in the same coordinates, whose belief record it fills."""
 
+    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
+        """As many as the standard filter has for exact sensors and wheels."""
+        return self.standard().other_states(wheels, Tolerances())  # type: ignore[call-arg]
+
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
         """Write the prior as the standard filter has it."""
-        self.standard(parameters=parameters).write(row, prior, parameters)  # type: ignore[call-arg]
+        exact = prior.replace(tolerances=Tolerances())
+        self.standard(parameters=parameters).write(row, exact, parameters)  # type: ignore[call-arg]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,7 +42,6 @@ class MomentumPluginSettings(PluginSettings):
     """`PluginSettings` in momentum coordinates."""
 
     standard, kind, coordinates = MomentumEKFSettings, FilterKind.MOMENTUM, "momentum"
-    other_states = staticmethod(MomentumEKFSettings.other_states)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +49,6 @@ class RatePluginSettings(PluginSettings):
     """`PluginSettings` in rate coordinates."""
 
     standard, kind, coordinates = RateEKFSettings, FilterKind.RATE, "rate"
-    other_states = staticmethod(RateEKFSettings.other_states)
 
 
 _SETTINGS: dict[str, type[PluginSettings]] = {"momentum": MomentumPluginSettings, "rate": RatePluginSettings}

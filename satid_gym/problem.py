@@ -18,6 +18,7 @@ from satid_gym.laws import INERTIA_MODES, InertiaLaw
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.tolerances import Tolerances
 
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
 InertiaLike = str | InertiaLaw | Mapping[str, Any]
@@ -53,6 +54,14 @@ class Problem(Config):
         counts = {s.wheels.count for s in self.satellites}
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
+        kinds = {self.tolerances_of(s).kinds for s in self.satellites}
+        if len(kinds) != 1:
+            names = ", ".join(s.name for s in self.satellites)
+            raise ValueError(
+                "all satellites of an environment need tolerances of the same kinds (gyro bias; gyro scale and "
+                f"alignment; wheels), for they share a filter: those of {names} differ; give scenario tolerances, "
+                "which replace the satellites'"
+            )
         missed = self._products()
         if self.estimator.parameters is None:
             settled = self.estimator.replace(parameters="full" if missed else "principal")
@@ -106,8 +115,14 @@ class Problem(Config):
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
         p = PARAMETER_COUNT[self.parameters]
-        others = self.estimator.other_states(self.wheels) if self.include_covariance else 0
+        tolerances = self.tolerances_of(self.satellites[0])
+        others = self.estimator.other_states(self.wheels, tolerances) if self.include_covariance else 0
         return layout(self.wheels, p, others)
+
+    def tolerances_of(self, satellite: Satellite) -> Tolerances:
+        """Tolerances of a satellite in the scenario."""
+        own = self.scenario.tolerances
+        return satellite.tolerances if own is None else own
 
 
 def problem(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from satid_gym.config import Config, check_number, real_array
+from satid_gym.tolerances import Tolerances, tolerances_of
 
 _LENGTH_TOLERANCE = 1e-6  # of a wheel axis, whose length must be 1
 _MOMENT_RANGE = (1e-9, 1e12)  # kg m^2: a chip satellite of 1 g has 1e-7, the International Space Station 2e8
@@ -139,6 +140,7 @@ class Satellite(Config):
         gyro_noise_std: white noise of a gyro sample, rad/s.
         tachometer_noise_std: white noise of a wheel speed sample, rad/s.
         disturbance_std: standard deviation of the unknown disturbance torque about each axis, N m.
+        tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
 
     Raises:
         ValueError: a value is not physically possible; the message says which and why.
@@ -153,6 +155,7 @@ class Satellite(Config):
     gyro_noise_std: float = field(default=5e-5, kw_only=True)
     tachometer_noise_std: float = field(default=0.05, kw_only=True)
     disturbance_std: float = field(default=5e-5, kw_only=True)
+    tolerances: Tolerances = field(default_factory=Tolerances, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -180,6 +183,7 @@ class Satellite(Config):
         check_number("gyro_noise_std", self.gyro_noise_std)
         check_number("tachometer_noise_std", self.tachometer_noise_std)
         check_number("disturbance_std", self.disturbance_std)
+        object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
 
 
 def _paper(

@@ -18,6 +18,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.faults import Faults
 from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
+from satid_gym.tolerances import Tolerances, tolerances_of
 
 _SAMPLES_MAX = 100_000  # a decision
 _DECISIONS_MAX = 1_000_000_000  # an episode
@@ -55,6 +56,7 @@ class Scenario(Config):
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
         estimator: the filter that is the scenario's default; its name or a mapping with its settings will do.
         faults: what can go wrong with sensors and wheels.
+        tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
 
     Raises:
         ValueError: a value is out of range, or the periods do not divide.
@@ -87,6 +89,7 @@ class Scenario(Config):
     termination_factor: float = 3.0
     estimator: EstimatorSettings = field(default_factory=lambda: estimator_settings("adaptive"))
     faults: Faults = field(default_factory=Faults)
+    tolerances: Tolerances | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,6 +108,8 @@ class Scenario(Config):
         if self.rate_limit is not None:
             check_number("rate_limit", self.rate_limit, strict=True)
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
+        if self.tolerances is not None:
+            object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
         if isinstance(self.laws, Mapping):
             object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
         if isinstance(self.faults, Mapping):
@@ -138,7 +143,7 @@ class Scenario(Config):
             "wheels": wheels.replace(max_speed=wheels.max_speed * self.wheel_speed_scale),
             "disturbance_std": satellite.disturbance_std * self.disturbance_scale,
         }
-        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std"):
+        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std", "tolerances"):
             if getattr(self, name) is not None:
                 changes[name] = getattr(self, name)
         return satellite.replace(**changes)
@@ -219,6 +224,8 @@ def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | 
         disturbance_std=operating.disturbance_std,
         disturbance_walk=_disturbance_walk(operating, scenario),
         parameters=parameters,
+        tolerances=operating.tolerances,
+        gyro_bias_walk=scenario.gyro_bias_walk,
     )
 
 

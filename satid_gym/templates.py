@@ -107,6 +107,8 @@ def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -
         if law.mode == TABLE and law.relative:
             assert law.values is not None
             draw["knot_size"][: len(law.values)] = law.values - 1.0
+    for tolerance in fields(satellite.tolerances):
+        draw[f"tolerance_{tolerance.name}"] = getattr(satellite.tolerances, tolerance.name)
     _write_faults(draw, scenario.faults, scenario.horizon)
     return rows
 

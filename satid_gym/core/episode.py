@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy_symmetric, factor, frobenius_square, mahalanobis, store, store_symmetric
+from satid_gym.core.algebra import axpy_symmetric, frobenius_square, mahalanobis, store, store_symmetric
 from satid_gym.core.belief import filters
-from satid_gym.core.belief.kalman import estimated_inertia
+from satid_gym.core.belief.kalman import estimated_inertia, factor_theta, theta_covariance
 from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
@@ -105,7 +105,7 @@ def assess(plant, belief, work, report):
     report.relative_error = np.sqrt(error / frobenius_square(truth))
     for k in range(p):
         work.theta[k] = belief.mean[3 + k] - truth[k]
-    if factor(belief.covariance, 3, p, work.block) > 0.0:
+    if factor_theta(belief, work) > 0.0:
         report.nees = mahalanobis(work.block, work.theta, p) / p
     else:
         belief.broken = 1
@@ -150,7 +150,7 @@ def log_sample(log, plant, belief):
     for a in range(log.theta.shape[0]):
         log.theta[a] = belief.mean[3 + a]
         for b in range(log.theta.shape[0]):
-            log.covariance[a, b] = belief.covariance[3 + a, 3 + b]
+            log.covariance[a, b] = theta_covariance(belief, a, b)
 
 
 @inline

@@ -6,7 +6,7 @@ import numpy as np
 
 from satid_gym.core.algebra import add, cross, inverse, multiply
 from satid_gym.core.belief import filters
-from satid_gym.core.belief.kalman import estimated_inertia
+from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
 
 BOUND = 10.0
@@ -72,12 +72,12 @@ def observe(belief, task, gyro, tachometer, out):
     for k in range(p):
         i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
     for k in range(p):
-        i = _write(out, i, np.log10(np.sqrt(covariance[3 + k, 3 + k]) / belief.theta_scale[k]) + _LOG_OFFSET)
+        i = _write(out, i, np.log10(np.sqrt(theta_covariance(belief, k, k)) / belief.theta_scale[k]) + _LOG_OFFSET)
     for k in range(3):
         i = _write(out, i, torque[k] / belief.prior_torque_std if belief.prior_torque_std > 0.0 else 0.0)
     for r in range(3):
         for k in range(p):
-            scale = np.sqrt(covariance[r, r] * covariance[3 + k, 3 + k])
+            scale = np.sqrt(covariance[r, r] * theta_covariance(belief, k, k))
             i = _write(out, i, covariance[r, 3 + k] / scale)
     for k in range(3):
         i = _write(out, i, task.control_authority[k])

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import factor, largest_eigenvalue
+from satid_gym.core.algebra import largest_eigenvalue
+from satid_gym.core.belief.kalman import factor_theta, theta_covariance
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import Criterion
 
@@ -23,7 +24,7 @@ def uncertainty_nats(belief, work, criterion):
     p = belief.prior_theta.shape[0]
     block = work.block
     if criterion == _LOGDET:
-        product = factor(belief.covariance, 3, p, block)
+        product = factor_theta(belief, work)
         if not product > 0.0:
             belief.broken = 1
         for i in range(p):
@@ -32,7 +33,7 @@ def uncertainty_nats(belief, work, criterion):
     for i in range(p):
         for j in range(p):
             scale = belief.prior_theta_std[i] * belief.prior_theta_std[j]
-            block[i, j] = belief.covariance[3 + i, 3 + j] / scale
+            block[i, j] = theta_covariance(belief, i, j) / scale
     if criterion == _TRACE:
         size = 0.0
         for i in range(p):

@@ -10,10 +10,12 @@ import scipy.special
 
 from satid_gym.config import check_number, check_whole
 from satid_gym.core.belief.filters import FilterKind
+from satid_gym.estimators.calibration import write_calibration
 from satid_gym.estimators.compiled import CompiledEKF
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.tolerances import Tolerances
 
 FIXED_WALK, FIRST_WALK = 0.004, 0.0015  # default inertia_walk without and with adaptation
 _SUBSTEPS_MAX = 1000
@@ -36,6 +38,8 @@ class MomentumEKFSettings(EstimatorSettings):
         log_q_drift: with adaptation, variance that the logarithm of the process noise gains a second.
         disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the prior's.
         substeps: midpoint steps between two readings.
+        calibrate: whether it estimates, beside the inertia, the errors of gyro and wheels that the data sheet's
+            tolerances allow; see `satid_gym.core.belief.calibration`. Without, it takes both as nominal.
         gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
             of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
 
@@ -54,6 +58,7 @@ class MomentumEKFSettings(EstimatorSettings):
     log_q_drift: float = 0.05
     disturbance_walk: float | None = None
     substeps: int = 1
+    calibrate: bool = True
     gate: float = 0.0
 
     def __post_init__(self) -> None:
@@ -86,10 +91,13 @@ class MomentumEKFSettings(EstimatorSettings):
             return prior.disturbance_walk
         return self.disturbance_walk * prior.disturbance_std
 
-    @staticmethod
-    def other_states(wheels: int) -> int:
-        """Momentum and disturbance torque."""
-        return 6
+    def calibration_states(self, wheels: int, tolerances: Tolerances) -> int:
+        """Number of the errors of sensors and wheels that it estimates."""
+        return tolerances.states(wheels) if self.calibrate else 0
+
+    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
+        """Momentum, disturbance torque, and errors of sensors and wheels."""
+        return 6 + self.calibration_states(wheels, tolerances)
 
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
         """Write prior and tuning to a belief record."""
@@ -100,7 +108,7 @@ class MomentumEKFSettings(EstimatorSettings):
         row["prior_theta_std"] = prior.prior_theta_std(parameters)
         row["prior_torque_std"] = prior.disturbance_std
         row["walk"][3 : 3 + p] = self.inertia_walk * row["theta_scale"]
-        row["walk"][3 + p :] = self.torque_walk(prior)
+        row["walk"][3 + p : 6 + p] = self.torque_walk(prior)
         row["substeps"] = self.substeps
         gate, adaptation = row["gate"], row["adaptation"]
         gate["threshold"], gate["gyro_noisy"] = self.gate_distance, prior.gyro_is_noisy
@@ -108,6 +116,8 @@ class MomentumEKFSettings(EstimatorSettings):
         adaptation["on"] = self.adaptive
         for name in ("inertia_walk", "inertia_walk_min", "inertia_walk_max", "log_q_drift"):
             adaptation[name] = getattr(self, name)
+        if self.calibrate and any(prior.tolerances.kinds):
+            write_calibration(row, prior, first=6 + p)
 
 
 class MomentumEKF(CompiledEKF):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, products_of_inertia
 from satid_gym.satellite import ReactionWheels, inertia_tensor
+from satid_gym.tolerances import Tolerances, tolerances_of
 
 GYRO_STD_MIN = 1e-9  # a sensor said to be noiseless is believed this far
 
@@ -28,6 +29,8 @@ class FilterPrior(Config):
         disturbance_std: N m, of the unknown torque about each axis.
         disturbance_walk: N m per sqrt(s), how fast that torque may wander.
         parameters: what is to be estimated, "principal" or "full"; None: see `needed_parameters`.
+        tolerances: of sensors and wheels.
+        gyro_bias_walk: random walk of the gyro's bias, rad/s per sqrt(s).
 
     Raises:
         ValueError: a value is out of range, or the prior inertia is not that of a rigid body.
@@ -42,6 +45,8 @@ class FilterPrior(Config):
     disturbance_std: float
     disturbance_walk: float = 0.0
     parameters: Parameters | None = None
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    gyro_bias_walk: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -51,7 +56,15 @@ class FilterPrior(Config):
             raise ValueError(f"wheels must be ReactionWheels or a mapping of its settings, got {self.wheels!r}")
         object.__setattr__(self, "inertia", inertia_tensor(self.inertia, "prior inertia"))
         check_number("gyro_noise_std", self.gyro_noise_std, strict=True)
-        for name in ("prior_std", "product_std", "tachometer_noise_std", "disturbance_std", "disturbance_walk"):
+        object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
+        for name in (
+            "prior_std",
+            "product_std",
+            "tachometer_noise_std",
+            "disturbance_std",
+            "disturbance_walk",
+            "gyro_bias_walk",
+        ):
             check_number(name, getattr(self, name))
 
     @property

@@ -14,6 +14,7 @@ from satid_gym.estimators.compiled import CompiledEKF
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.tolerances import Tolerances
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,8 +56,7 @@ class RateEKFSettings(EstimatorSettings):
         for name in ("rate_walk", "inertia_walk", "wheel_speed_walk"):
             check_number(name, getattr(self, name))
 
-    @staticmethod
-    def other_states(wheels: int) -> int:
+    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
         """Body rate and wheel speeds."""
         return 3 + wheels
 

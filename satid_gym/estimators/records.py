@@ -14,7 +14,8 @@ def new_belief(prior: FilterPrior, settings: EstimatorSettings) -> np.ndarray:
     """One row of belief, not yet started by a reading."""
     wheels, parameters = prior.wheels, estimated_parameters(settings.parameters, prior)
     n, p = wheels.count, PARAMETER_COUNT[parameters]
-    rows = np.zeros(1, belief_dtype(n, p, p + settings.other_states(n)))
+    others = settings.other_states(n, prior.tolerances)
+    rows = np.zeros(1, belief_dtype(n, p, p + others, settings.calibration_states(n, prior.tolerances)))
     row = rows[0]
     row["kind"], row["substeps"] = settings.kind, 1
     row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia

@@ -11,6 +11,7 @@ from satid_gym.config import Config
 from satid_gym.core.belief.filters import FilterKind
 from satid_gym.estimators.inertia import Parameters
 from satid_gym.estimators.prior import FilterPrior
+from satid_gym.tolerances import Tolerances
 
 Coordinates = Literal["momentum", "rate"]
 
@@ -32,10 +33,13 @@ class EstimatorSettings(Config):
     name: str
     parameters: Parameters | None = None
 
-    @staticmethod
-    def other_states(wheels: int) -> int:
-        """Number of the filter's states that are no inertia parameters, for so many wheels."""
+    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
+        """Number of the filter's states that are no inertia parameters, for so many wheels with such tolerances."""
         raise NotImplementedError
+
+    def calibration_states(self, wheels: int, tolerances: Tolerances) -> int:
+        """How many of these are errors of sensors and wheels, the last ones."""
+        return 0
 
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
         """Write prior and tuning to a belief record that has axes, wheel_inertia, prior_theta and theta_scale."""

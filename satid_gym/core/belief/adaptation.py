@@ -128,12 +128,12 @@ def predict(belief, dt):
 
 
 @inline
-def has_stepped(belief, work):
-    """Whether the whitened reading in work says that the inertia has stepped."""
+def has_stepped(belief, work, support):
+    """Whether the whitened reading in work, of so many columns, says that the inertia has stepped."""
     innovation = load(work.innovation)
     if belief.adaptation.since_step < _STEP_HOLDOFF or dot(innovation, innovation) <= _STEP_DISTANCE:
         return False  # dot(innovation, innovation) is never less than the distance
-    return distance(belief, work, 3 + belief.theta_scale.shape[0]) > _STEP_DISTANCE
+    return distance(belief, work, support) > _STEP_DISTANCE
 
 
 @inline

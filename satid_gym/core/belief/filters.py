@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from satid_gym.core.algebra import load
-from satid_gym.core.belief import momentum_filter, rate_filter
+from satid_gym.core.belief import calibration, momentum_filter, rate_filter
 from satid_gym.core.jit import inline
 
 
@@ -66,8 +66,10 @@ def rate(belief):
 
 @inline
 def rate_used(belief, gyro):
-    """The gyro's reading or, where the filter coasts, the filter's own rate, rad/s."""
-    return load(gyro) if belief.coasting == 0 else rate(belief)
+    """The gyro's reading, less its estimated errors, or, where the filter coasts, the filter's own rate, rad/s."""
+    if belief.coasting != 0:
+        return rate(belief)
+    return load(gyro) if belief.calibration.states == 0 else calibration.corrected(belief, gyro)
 
 
 @inline

@@ -193,7 +193,7 @@ def validate(belief, work, support):
         if belief.gate.confirmed == 0:
             return REINITIALISE
         belief.gate.rejections = 0
-        _inflate(belief, work, support - 3)
+        _inflate(belief, work, belief.theta_scale.shape[0])
         return STEPPED
     belief.rejected += 1
     return nis

@@ -11,6 +11,7 @@ import numpy as np
 
 from satid_gym.core.algebra import (
     axpy_symmetric,
+    factor,
     is_positive_definite,
 )
 from satid_gym.core.jit import inline, outline
@@ -33,6 +34,22 @@ def estimated_inertia(belief):
     """J of the filter's mean."""
     p = belief.prior_theta.shape[0]
     return inertia_of(belief.mean[3 : 3 + p])
+
+
+@inline
+def theta_covariance(belief, i, j):
+    """Covariance of theta i and j: that of the state, and of the common factor that no excitation finds."""
+    return belief.covariance[3 + i, 3 + j] + belief.scale_variance * belief.mean[3 + i] * belief.mean[3 + j]
+
+
+@inline
+def factor_theta(belief, work):
+    """LDL^T of theta's covariance to work.block, and its determinant; see `algebra.factor`."""
+    p = belief.prior_theta.shape[0]
+    for i in range(p):
+        for j in range(i + 1):
+            work.theta_covariance[i, j] = theta_covariance(belief, i, j)
+    return factor(work.theta_covariance, 0, p, work.block)
 
 
 @inline

@@ -25,7 +25,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
     subtract,
 )
-from satid_gym.core.belief import adaptation, gating, momentum_model
+from satid_gym.core.belief import adaptation, calibration, gating, momentum_model
 from satid_gym.core.belief.kalman import (
     estimated_inertia,
     propagate,
@@ -34,7 +34,6 @@ from satid_gym.core.belief.kalman import (
     write_times_regressor,
 )
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.wheels import wheel_momentum
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
 _ITERATIONS = 4
@@ -45,8 +44,9 @@ def start(belief, work, gyro, tachometer):
     """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
     start_theta(belief)
     p = belief.prior_theta.shape[0]
-    store(belief.wheel_input, wheel_momentum(belief, tachometer))
     gating.begin(belief, gyro, tachometer)
+    calibration.start(belief)
+    store(belief.wheel_input, calibration.wheel_input(belief, tachometer))
     if belief.adaptation.on != 0:
         adaptation.start(belief)
     for i in range(3):
@@ -57,28 +57,34 @@ def start(belief, work, gyro, tachometer):
 @outline
 def _start_momentum(belief, work, gyro):
     """M = J omega + a of one reading, with what is known of theta and with nothing of M before."""
-    p = belief.prior_theta.shape[0]
-    omega, a = load(gyro), load(belief.wheel_input)
+    p, size = belief.prior_theta.shape[0], belief.mean.shape[0]
+    omega, a = calibration.corrected(belief, gyro), load(belief.wheel_input)
     inertia = estimated_inertia(belief)
     store(belief.mean, add(multiply(inertia, omega), a))
-    covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
+    covariance, rows, identity = belief.covariance, work.rows, work.jacobian[0]
     store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
-    write_times_regressor(identity, omega, regressor)
+    write_times_regressor(identity, omega, work.regressor)
+    for i in range(3):
+        for j in range(size):
+            rows[i, j] = 0.0
+        for k in range(p):
+            rows[i, 3 + k] = work.regressor[i, k]
+    calibration.write_start_rows(belief, omega, rows)
     s2 = belief.gyro_std**2
     noise = congruence(inertia, (s2, s2, s2, 0.0, 0.0, 0.0))
     moment = work.jacobian[1]
     store_symmetric(moment, axpy_symmetric(1.0, noise, load_symmetric(belief.wheel_momentum_covariance)))
     for i in range(3):
-        for j in range(p + 3):
+        for j in range(3, size):
             total = 0.0
-            for k in range(p):
-                total += regressor[i, k] * covariance[3 + k, 3 + j]
-            covariance[i, 3 + j] = covariance[3 + j, i] = total
+            for k in range(3, size):
+                total += rows[i, k] * covariance[k, j]
+            covariance[i, j] = covariance[j, i] = total
     for i in range(3):
         for j in range(i, 3):
             total = moment[i, j]
-            for k in range(p):
-                total += covariance[i, 3 + k] * regressor[j, k]
+            for k in range(3, size):
+                total += covariance[i, k] * rows[j, k]
             covariance[i, j] = covariance[j, i] = total
 
 
@@ -87,11 +93,13 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p = belief.prior_theta.shape[0]
     J_inv = inverse(estimated_inertia(belief))
+    calibration.begin_prediction(belief)
     if belief.gate.threshold > 0.0:
         gating.gate_tachometers(belief, tachometer, work.torque, dt)
-        after = wheel_momentum(belief, belief.speed)
     else:
-        after = wheel_momentum(belief, tachometer)
+        for k in range(tachometer.shape[0]):
+            belief.speed[k] = tachometer[k]
+    after = calibration.wheel_input(belief, belief.speed)
     if belief.adaptation.on != 0:
         adaptation.predict(belief, dt)
     before = load(belief.wheel_input)
@@ -109,6 +117,8 @@ def predict(belief, work, tachometer, dt):
         momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
         store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
         momentum_model.write_transition(work, p, h)
+        shares = step * per_step, (step + 0.5) * per_step
+        calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
         propagate(belief, work, h)
         momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
     if belief.gate.threshold > 0.0:
@@ -150,7 +160,7 @@ def condition(belief, work, gyro):
     if gated:
         decision = gating.REINITIALISE
         if not gating.is_momentum_lost(belief):
-            decision = gating.validate(belief, work, 3 + belief.prior_theta.shape[0])
+            decision = gating.validate(belief, work, momentum_model.support(belief))
         if decision > 0.0:
             return decision
         if decision == gating.REINITIALISE:
@@ -162,6 +172,8 @@ def condition(belief, work, gyro):
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
     nis = _update(belief, work, gyro)
+    if belief.calibration.states > 0:
+        store(belief.wheel_input, calibration.wheel_input(belief, belief.speed))
     if gated:
         gating.follow_unmeasured_wheels(belief, before)
     return nis
@@ -170,8 +182,8 @@ def condition(belief, work, gyro):
 @outline
 def _update(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
-    support = 3 + belief.prior_theta.shape[0]
-    if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work):
+    support = momentum_model.support(belief)
+    if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work, support):
         adaptation.step(belief)
     if not _is_coarse(belief):
         if belief.adaptation.on == 0:

@@ -16,6 +16,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
     subtract,
 )
+from satid_gym.core.belief import calibration
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -87,8 +88,11 @@ def linearise(belief, work, gyro):
     """
     p = belief.prior_theta.shape[0]
     J_inv = inverse(estimated_inertia(belief))
+    calibrated = belief.calibration.states > 0
+    if calibrated:
+        store(belief.wheel_input, calibration.wheel_input(belief, belief.speed))
     omega = multiply(J_inv, subtract(load(belief.mean), load(belief.wheel_input)))
-    residual = subtract(load(gyro), omega)
+    residual = subtract(load(gyro), calibration.reading_of(belief, omega) if calibrated else omega)
     spin = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
     noise = add_diagonal(belief.gyro_std**2, spin)
     likely = add(omega, multiply(spin, multiply(inverse(noise), residual)))
@@ -105,8 +109,16 @@ def linearise(belief, work, gyro):
             rows[i, j] = jacobian[i, j]
         for k in range(p):
             rows[i, 3 + k] = work.regressor[i, k]
+    if calibrated:
+        calibration.complete_rows(belief, likely, rows, 3 + p)
     store(work.innovation, residual)
-    whiten(work, noise, 3 + p)
+    whiten(work, noise, support(belief))
+
+
+@inline
+def support(belief):
+    """Number of first states that a reading depends on, as far as its rows are filled."""
+    return 3 + belief.prior_theta.shape[0] if belief.calibration.states == 0 else belief.mean.shape[0]
 
 
 @inline

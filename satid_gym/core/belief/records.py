@@ -7,15 +7,17 @@ import functools
 import numpy as np
 
 from satid_gym.core.belief.adaptation import adaptation_dtype, adaptation_work_dtype
+from satid_gym.core.belief.calibration import calibration_dtype
 from satid_gym.core.belief.gating import gate_dtype
 from satid_gym.core.records import FLOAT, INT
 
 
 @functools.cache
-def belief_dtype(n: int, p: int, size: int) -> np.dtype:
+def belief_dtype(n: int, p: int, size: int, errors: int = 0) -> np.dtype:
     """Belief: what the filter was told before launch, and its state.
 
-    mean is [M, theta, disturbance torque] for MOMENTUM, [omega, theta, wheel speed] for RATE.
+    mean is [M, theta, disturbance torque, `errors` of sensors and wheels] for MOMENTUM, [omega, theta, wheel speed] for
+    RATE.
     """
     return np.dtype(
         [
@@ -30,6 +32,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("prior_theta", FLOAT, p),
             ("prior_theta_std", FLOAT, p),
             ("theta_scale", FLOAT, p),  # prior moments; geometric means of two of them for the products
+            ("scale_variance", FLOAT),  # of a common factor on theta that no excitation finds
             ("prior_torque_std", FLOAT),
             ("prior_std", FLOAT, 2),  # RATE: of omega and of wheel speed
             ("mean", FLOAT, size),
@@ -43,6 +46,7 @@ def belief_dtype(n: int, p: int, size: int) -> np.dtype:
             ("rejected", INT),  # readings rejected, repeated ones among them
             ("gate", gate_dtype(n)),
             ("adaptation", adaptation_dtype(p)),
+            ("calibration", calibration_dtype(n, errors)),
         ],
         align=True,
     )
@@ -70,6 +74,7 @@ def work_dtype(n: int, p: int, size: int) -> np.dtype:
             ("theta", FLOAT, p),
             ("innovation", FLOAT, 3 + n),
             ("block", FLOAT, (p, p)),
+            ("theta_covariance", FLOAT, (p, p)),
             ("adaptation", adaptation_work_dtype(p)),
             ("wheel", FLOAT, (4, n)),
         ],

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import (
+    axpy,
     axpy_symmetric,
     dot,
     is_physical,
     load_symmetric,
     multiply,
+    norm,
     store_symmetric,
 )
 from satid_gym.core.jit import inline, outline
@@ -17,6 +19,7 @@ from satid_gym.core.random import between, normal, uniform
 from satid_gym.core.records import InertiaMode
 from satid_gym.core.truth.disturbance import to_body
 from satid_gym.core.truth.dynamics import set_momenta, set_speeds
+from satid_gym.core.wheels import wheel_axis
 
 _DRAWS_MAX = 1000
 _STATIC, _STEP, _PERIODIC, _TABLE = (
@@ -147,6 +150,38 @@ def _draw_faults(draw, plant):
             plant.gyro_bias[i] += draw.gyro_bias_std * normal(stream)
 
 
+@inline
+def _draw_gyro(draw, plant):
+    """Write bias, scale and misalignment of the gyro; a tolerance of 0 draws nothing."""
+    stream = plant.stream
+    if draw.tolerance_gyro_bias > 0.0:
+        for i in range(3):
+            plant.gyro_bias[i] += draw.tolerance_gyro_bias * normal(stream)
+    if draw.tolerance_gyro_scale > 0.0 or draw.tolerance_gyro_alignment > 0.0:
+        plant.gyro_uncalibrated = 1
+        for i in range(3):
+            for j in range(3):
+                std = draw.tolerance_gyro_scale if i == j else draw.tolerance_gyro_alignment
+                plant.gyro_gain[i, j] = (1.0 if i == j else 0.0) + std * normal(stream)
+
+
+@inline
+def _draw_wheels(draw, plant):
+    """Turn the nominal wheels into those as built; a tolerance of 0 draws nothing."""
+    stream = plant.stream
+    for k in range(plant.locked.shape[0]):
+        if draw.tolerance_wheel_inertia > 0.0:
+            plant.wheel_inertia[k] *= 1.0 + draw.tolerance_wheel_inertia * normal(stream)
+        if draw.tolerance_wheel_alignment > 0.0:
+            axis = wheel_axis(plant.axes, k)
+            tilt = normal(stream), normal(stream), normal(stream)
+            across = axpy(-dot(tilt, axis), axis, tilt)
+            built = axpy(draw.tolerance_wheel_alignment, across, axis)
+            length = norm(built)
+            for i in range(3):
+                plant.axes[i, k] = built[i] / length
+
+
 @outline
 def draw_plant(draw, plant):
     """Turn the nominal `plant` into a drawn one, by its own stream; False where no inertia is physical.
@@ -167,12 +202,14 @@ def draw_plant(draw, plant):
         speed = plant.wheel_speed[k] + between(stream, -span, span)
         plant.wheel_speed[k] = min(max(speed, -plant.wheel_speed_max[k]), plant.wheel_speed_max[k])
     if draw.attitude_random != 0:
-        norm = 0.0
+        square = 0.0
         for i in range(4):
             plant.attitude[i] = normal(stream)
-            norm += plant.attitude[i] ** 2
+            square += plant.attitude[i] ** 2
         for i in range(4):
-            plant.attitude[i] /= np.sqrt(norm)
+            plant.attitude[i] /= np.sqrt(square)
+    _draw_gyro(draw, plant)
+    _draw_wheels(draw, plant)
     set_momenta(plant)
     set_speeds(plant)
     if draw.faulty != 0:

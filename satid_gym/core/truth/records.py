@@ -54,6 +54,8 @@ def plant_dtype(n: int, knots: int = 1) -> np.dtype:
             ("gyro_noise_std", FLOAT),
             ("gyro_bias_walk", FLOAT),  # rad/s per sqrt(s)
             ("tachometer_noise_std", FLOAT),
+            ("gyro_uncalibrated", INT),  # 1: gyro_gain differs from 1
+            ("gyro_gain", FLOAT, (3, 3)),  # 1 + G: scale and misalignment
             # state
             ("time", FLOAT),
             ("momentum", FLOAT, 3),  # M, body frame
@@ -115,6 +117,12 @@ def draw_dtype(knots: int = 1) -> np.dtype:
             ("law_phase", FLOAT, 2),
             ("change_given", INT),  # 1: the change is absolute tensors of the plant's, law_size is not used
             ("knot_size", FLOAT, knots),  # change at the knots of a table relative to the inertia
+            # tolerances: std of what gyro and wheels are off nominal by
+            ("tolerance_gyro_bias", FLOAT),  # rad/s
+            ("tolerance_gyro_scale", FLOAT),
+            ("tolerance_gyro_alignment", FLOAT),  # rad
+            ("tolerance_wheel_inertia", FLOAT),
+            ("tolerance_wheel_alignment", FLOAT),  # rad
             # faults: probabilities, and ranges low and high
             ("faulty", INT),  # 0: none can happen, and nothing is drawn
             ("fault_time", FLOAT, 2),  # s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import normal
 from satid_gym.core.truth import faults
@@ -11,8 +12,12 @@ from satid_gym.core.truth import faults
 def read_sensors(plant):
     """Write gyro (3,) and tachometer (n,) readings at plant.time."""
     silent, stuck = faults.gyro_dropped(plant), faults.stuck_tachometer(plant)
+    rate = load(plant.rate)
+    if plant.gyro_uncalibrated != 0:
+        G = plant.gyro_gain
+        rate = dot(load(G[0]), rate), dot(load(G[1]), rate), dot(load(G[2]), rate)
     for i in range(3):
-        reading = plant.rate[i] + plant.gyro_bias[i] + plant.gyro_noise_std * normal(plant.stream)
+        reading = rate[i] + plant.gyro_bias[i] + plant.gyro_noise_std * normal(plant.stream)
         if not silent:
             plant.gyro[i] = reading
     for k in range(plant.tachometer.shape[0]):

@@ -56,7 +56,11 @@ class MomentumModel:
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """M (3,), theta (p,) and tau (3,) of a state."""
-        return x[:3], x[3 : 3 + self.p], x[3 + self.p :]
+        return x[:3], x[3 : 3 + self.p], x[3 + self.p : 6 + self.p]
+
+    def input(self, wheel_speed: np.ndarray) -> np.ndarray:
+        """Input of the model from wheel speeds (n,): a = A j Omega, (3,) N m s."""
+        return self.spin @ wheel_speed
 
     def start(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance after the first reading: theta and tau at their priors, M as the reading says."""
@@ -64,7 +68,7 @@ class MomentumModel:
         mean = np.concatenate([np.zeros(3), inertia_parameters(prior.inertia, parameters), np.zeros(3)])
         std = [np.zeros(3), prior.prior_theta_std(parameters), np.full(3, prior.disturbance_std)]
         covariance = np.diag(np.concatenate(std) ** 2)
-        self.start_momentum(mean, covariance, self.spin @ wheel_speed, gyro)
+        self.start_momentum(mean, covariance, self.input(wheel_speed), gyro)
         return mean, covariance
 
     def start_momentum(self, x: np.ndarray, covariance: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> None:
@@ -81,6 +85,10 @@ class MomentumModel:
         m, theta, _ = self.split(x)
         return np.linalg.solve(tensor(theta), m - a)
 
+    def reading(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Gyro reading that is expected, (3,) rad/s: the rate."""
+        return self.rate(x, a)
+
     def rate_jacobian(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Its Jacobian (3, size)."""
         theta = self.split(x)[1]
@@ -91,7 +99,7 @@ class MomentumModel:
     def slope(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dx/dt (size,): M x omega + tau, and nothing else moves by itself."""
         m, _, tau = self.split(x)
-        return np.concatenate([np.cross(m, self.rate(x, a)) + tau, np.zeros(self.p + 3)])
+        return np.concatenate([np.cross(m, self.rate(x, a)) + tau, np.zeros(self.size - 3)])
 
     def slope_jacobian(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Its Jacobian (size, size)."""
@@ -99,7 +107,7 @@ class MomentumModel:
         m = x[:3]
         jacobian[:3] = skew(m) @ self.rate_jacobian(x, a)
         jacobian[:3, :3] -= skew(self.rate(x, a))
-        jacobian[:3, -3:] += np.eye(3)
+        jacobian[:3, 3 + self.p : 6 + self.p] += np.eye(3)
         return jacobian
 
     def step(self, x: np.ndarray, a0: np.ndarray, a1: np.ndarray, h: float) -> np.ndarray:
@@ -123,13 +131,18 @@ class MomentumModel:
         return noise
 
     def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
-        """Jacobian of the rate, its part by theta at the most likely rate, and 0 where that is within its noise."""
-        predicted, J_inv = self.rate(x, a), np.linalg.inv(tensor(self.split(x)[1]))
+        """Jacobian of the rate, its part by theta at the most likely rate."""
+        J_inv = np.linalg.inv(tensor(self.split(x)[1]))
+        return np.hstack([J_inv, -J_inv @ regressor(self.likely_rate(x, a, gyro), self.p), np.zeros((3, 3))])
+
+    def likely_rate(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
+        """The rate that prediction and reading make most likely, (3,); 0 where that is within its noise."""
+        J_inv = np.linalg.inv(tensor(self.split(x)[1]))
         spin = J_inv @ self.spin_covariance @ J_inv
         noise = self.measurement_noise(x)
-        likely = predicted + spin @ np.linalg.solve(noise, gyro - predicted)
+        likely = self.rate(x, a) + spin @ np.linalg.solve(noise, gyro - self.reading(x, a))
         likely[likely**2 <= 25.0 * np.diag(spin) * (1.0 - np.diag(spin) / np.diag(noise))] = 0.0
-        return np.hstack([J_inv, -J_inv @ regressor(likely, self.p), np.zeros((3, 3))])
+        return likely
 
     def iterations(self, x: np.ndarray, covariance: np.ndarray) -> int:
         """Updates are iterated while a moment is known to no better than 5 %."""

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
+from satid_gym.estimators.filterpy.calibration import CalibratedModel
 from satid_gym.estimators.filterpy.gate import Gate
 from satid_gym.estimators.filterpy.model import MomentumModel, tensor
 from satid_gym.estimators.inertia import Parameters
@@ -62,10 +63,10 @@ class FilterpyMomentumEKF(Reference):
 
     def reset(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:
         """Start from what is known before launch and the first reading."""
-        self.model = MomentumModel(self.momentum, prior)
+        self.model = self._new_model(prior)
         self.filter = self._new_filter()
         self.filter.x, self.filter.P = self.model.start(gyro, wheel_speed)
-        self._a = self.model.spin @ wheel_speed
+        self._a = self.model.input(wheel_speed)
         self._gate = Gate(self.model, gyro, wheel_speed) if self.momentum.gate > 0.0 else None
 
     def command(self, torque: np.ndarray) -> None:
@@ -78,6 +79,13 @@ class FilterpyMomentumEKF(Reference):
         """Whether the last gyro reading was accepted, and the wheel speeds (n,) used; None without a gate."""
         return None if self._gate is None else (not self._gate.coasting, self._gate.speed.copy())
 
+    def _new_model(self, prior: FilterPrior) -> MomentumModel:
+        if not (self.momentum.calibrate and any(prior.tolerances.kinds)):
+            return MomentumModel(self.momentum, prior)
+        if self.momentum.gate > 0.0:
+            raise ValueError("the gate of FilterpyMomentumEKF knows exact wheels alone: use gate=0 or calibrate=False")
+        return CalibratedModel(self.momentum, prior)
+
     def _new_filter(self) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(dim_x=self.model.size, dim_z=3)
 
@@ -89,7 +97,7 @@ class FilterpyMomentumEKF(Reference):
             self.filter.x[:3] += shift
             self._a = self._a + shift
             wheel_speed = gate.speed
-        start, end = self._a, self.model.spin @ wheel_speed
+        start, end = self._a, self.model.input(wheel_speed)
         steps = self.momentum.substeps
         h = dt / steps
         for i in range(steps):
@@ -139,7 +147,7 @@ class FilterpyMomentumEKF(Reference):
         prior, covariance = kf.x.copy(), kf.P.copy()
         for _ in range(model.iterations(prior, covariance)):
             point = kf.x.copy()
-            slope, value = model.measurement_jacobian(point, a, gyro), model.rate(point, a)
+            slope, value = model.measurement_jacobian(point, a, gyro), model.reading(point, a)
             noise = model.measurement_noise(point)
             kf.x, kf.P = prior.copy(), covariance.copy()
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
@@ -167,7 +175,7 @@ class FilterpyMomentumUKF(FilterpyMomentumEKF):
     def _new_filter(self) -> UnscentedKalmanFilter:
         size = self.model.size
         points = MerweScaledSigmaPoints(size, alpha=0.5, beta=2.0, kappa=3.0 - size, sqrt_method=_root)
-        return UnscentedKalmanFilter(size, 3, dt=1.0, hx=self.model.rate, fx=self._step, points=points)
+        return UnscentedKalmanFilter(size, 3, dt=1.0, hx=self.model.reading, fx=self._step, points=points)
 
     def _step(self, x: np.ndarray, dt: float, a0: np.ndarray, a1: np.ndarray) -> np.ndarray:
         return self.model.step(x, a0, a1, dt)

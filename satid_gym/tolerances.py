@@ -1,0 +1,72 @@
+"""Tolerances of a data sheet: how far sensors and wheels may be off nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from satid_gym.config import Config, check_number
+
+_RELATIVE_MAX = 0.1  # beyond it the filter's first-order model of an error no longer holds
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tolerances(Config):
+    """Standard deviations of what an episode draws sensors and wheels off nominal by; 0: exactly as nominal.
+
+    A filter is told of them, never of what was drawn, and estimates it beside the inertia.
+
+    Attributes:
+        gyro_bias: of each axis at the start, rad/s.
+        gyro_scale: relative error of the gyro's scale factor, by axis.
+        gyro_alignment: rad, of each axis of the gyro towards the two others.
+        wheel_inertia: relative error of a rotor's spin inertia, by wheel.
+        wheel_alignment: rad, of a spin axis in each of the two directions across it.
+
+    Raises:
+        ValueError: one is negative, or a relative error or an angle is above 0.1.
+    """
+
+    gyro_bias: float = 0.0
+    gyro_scale: float = 0.0
+    gyro_alignment: float = 0.0
+    wheel_inertia: float = 0.0
+    wheel_alignment: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_number("gyro_bias", self.gyro_bias)
+        for field in fields(self)[1:]:
+            check_number(field.name, getattr(self, field.name), high=_RELATIVE_MAX)
+
+    @property
+    def gyro_is_uncalibrated(self) -> bool:
+        """Whether scale or alignment of the gyro is uncertain."""
+        return self.gyro_scale > 0.0 or self.gyro_alignment > 0.0
+
+    @property
+    def wheels_are_uncalibrated(self) -> bool:
+        """Whether inertia or alignment of the wheels is uncertain."""
+        return self.wheel_inertia > 0.0 or self.wheel_alignment > 0.0
+
+    @property
+    def kinds(self) -> tuple[bool, bool, bool]:
+        """Which errors there are: of the gyro's bias, of its scale and alignment, of the wheels."""
+        return self.gyro_bias > 0.0, self.gyro_is_uncalibrated, self.wheels_are_uncalibrated
+
+    def states(self, wheels: int) -> int:
+        """Number of errors for so many wheels."""
+        return sum(size for size, on in zip((3, 9, 3 * wheels), self.kinds, strict=True) if on)
+
+
+def tolerances_of(value: object) -> Tolerances:
+    """Tolerances, or a mapping of their settings, as Tolerances.
+
+    Raises:
+        ValueError: it is neither, or a setting is not valid.
+    """
+    if isinstance(value, Mapping):
+        return Tolerances.from_dict(value)
+    if not isinstance(value, Tolerances):
+        raise ValueError(f"tolerances must be Tolerances or a mapping of its settings, got {value!r}")
+    return value

@@ -1,0 +1,233 @@
+"""Errors of gyro and wheels: how truth draws them, and how the filter estimates them beside the inertia."""
+
+import numpy as np
+import pytest
+
+from baselines.studies.recording import record
+from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
+from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF
+from satid_gym.estimators.filterpy.calibration import CalibratedModel
+from satid_gym.estimators.momentum import MomentumEKFSettings
+from satid_gym.evaluation import fly, seeds
+from satid_gym.policies.registry import make_baseline
+from satid_gym.policy import missions
+from satid_gym.problem import problem
+from satid_gym.scenario import prior_of
+from satid_gym.tolerances import Tolerances
+from satid_gym.vector import SatInertiaIDVectorEnv
+
+ALL = {
+    "gyro_bias": 1e-4,
+    "gyro_scale": 1e-3,
+    "gyro_alignment": 1e-3,
+    "wheel_inertia": 2e-3,
+    "wheel_alignment": 1e-3,
+}
+KINDS = {
+    "bias": {"gyro_bias": 1e-4},
+    "gain": {"gyro_scale": 1e-3, "gyro_alignment": 3e-3},
+    "wheels": {"wheel_inertia": 1e-2, "wheel_alignment": 5e-3},
+    "all": ALL,
+}
+
+
+def world(tolerances, **settings):
+    return Scenario(tolerances=Tolerances(**tolerances), **settings)
+
+
+# truth
+
+
+def test_what_is_drawn_has_the_tolerances():
+    env = SatInertiaIDVectorEnv(4000, "microsat", "static", world(ALL))
+    env.reset(seed=0)
+    plants, wheels = env.fleet.rows.plants, SATELLITES["microsat"].wheels
+    off = plants["gyro_gain"] - np.eye(3)
+    across = plants["axes"][:, ~np.eye(3, dtype=bool)]  # the nominal axes are the body's
+    drawn = {
+        "gyro_bias": plants["gyro_bias"],
+        "gyro_scale": np.diagonal(off, axis1=1, axis2=2),
+        "gyro_alignment": off[:, ~np.eye(3, dtype=bool)],
+        "wheel_inertia": plants["wheel_inertia"] / wheels.inertia - 1.0,
+        "wheel_alignment": across,
+    }
+    for name, values in drawn.items():
+        count = values.size
+        assert abs(values.mean()) < 4.0 * ALL[name] / np.sqrt(count), name
+        assert values.std() == pytest.approx(ALL[name], rel=4.0 / np.sqrt(2.0 * count)), name
+    np.testing.assert_allclose(np.linalg.norm(plants["axes"], axis=1), 1.0, rtol=1e-14)
+    env.close()
+
+
+def test_a_tolerance_of_zero_draws_nothing():
+    """The episode is the same, whatever kinds of errors are drawn after it; without any, to the bit."""
+    plain, exact = (SatInertiaIDEnv("microsat", scenario=s) for s in (Scenario(), world({})))
+    assert plain.reset(seed=3)[0].tobytes() == exact.reset(seed=3)[0].tobytes()
+    assert plain.fleet.rows.plants.tobytes() == exact.fleet.rows.plants.tobytes()
+    uncertain = SatInertiaIDEnv("microsat", scenario=world(ALL))
+    uncertain.reset(seed=3)
+    for name in ("inertia", "attitude", "torque_constant"):
+        np.testing.assert_array_equal(uncertain.fleet.rows.plants[name], plain.fleet.rows.plants[name])
+
+
+def test_the_gyro_reads_what_its_errors_make_of_the_rate():
+    quiet = world(ALL, gyro_noise_std=0.0, gyro_bias_walk=0.0, estimator="momentum")
+    env = SatInertiaIDEnv("microsat", "static", quiet)
+    env.reset(seed=1)
+    for _ in range(5):
+        env.step(np.array([0.5, -0.2, 0.3], np.float32))
+        plant = env.fleet.rows.plants[0]
+        expected = plant["gyro_gain"] @ plant["rate"] + plant["gyro_bias"]
+        np.testing.assert_allclose(plant["gyro"], expected, rtol=1e-13)
+        assert np.abs(plant["gyro"] - plant["rate"]).max() > 1e-5
+
+
+def test_momentum_is_that_of_the_wheels_as_built():
+    env = SatInertiaIDEnv("microsat", "static", world(ALL, disturbance_scale=0.0, gravity_gradient=False))
+    env.reset(seed=2)
+    sizes = []
+    for i in range(20):
+        env.step(np.array([0.2, -0.15, 0.1], np.float32) * (-1.0 if i // 5 % 2 else 1.0))
+        plant = env.fleet.rows.plants[0]
+        spin = plant["axes"] @ (plant["wheel_inertia"] * plant["wheel_speed"])
+        total = plant["inertia"] @ plant["rate"] + spin
+        np.testing.assert_allclose(total, plant["momentum"], rtol=1e-11, atol=1e-13)
+        sizes.append(np.linalg.norm(plant["momentum"]))
+    assert np.ptp(sizes) < 1e-5 * np.mean(sizes)  # sunlight alone is left
+
+
+# belief
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Readings of a satellite with all errors, two wheels' worth of products."""
+    recording = record(
+        make_baseline("rate_square", "microsat"),
+        satellite="microsat",
+        inertia="drift",
+        seeds=[90_001],
+        scenario=world(ALL, horizon=60.0, tilt_std=0.1),
+        estimator="momentum",
+    )
+    return recording.gyro[0], recording.tachometer[0], recording.dt
+
+
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_compiled_equals_filterpy(flown, kind, parameters):
+    gyro, tachometer, dt = flown
+    prior = prior_of(SATELLITES["microsat"], world(KINDS[kind]))
+    compiled = MomentumEKF(parameters=parameters).run(prior, gyro, tachometer, dt)
+    plain = FilterpyMomentumEKF(parameters=parameters)
+    plain.reset(prior, gyro[0], tachometer[0])
+    std = np.sqrt(np.diag(plain.covariance))
+    np.testing.assert_allclose(compiled.mean[0], plain.mean, rtol=1e-12)
+    np.testing.assert_allclose(compiled.covariance[0], plain.covariance, rtol=1e-9, atol=1e-24)
+    for i in range(1, 300):
+        plain.predict(tachometer[i], dt)
+        nis = plain.update(gyro[i], tachometer[i])
+        std = np.sqrt(np.maximum(np.diag(plain.covariance), 1e-300))
+        assert np.abs(compiled.mean[i] - plain.mean).max() <= 1e-9 * np.abs(plain.mean).max()
+        assert np.all(np.abs(compiled.mean[i] - plain.mean) <= 1e-7 * std), i
+        assert np.all(np.abs(compiled.covariance[i] - plain.covariance) <= 1e-8 * np.outer(std, std)), i
+        assert compiled.nis[i] == pytest.approx(nis, rel=1e-7)
+
+
+def test_derivatives_are_those_of_finite_differences():
+    prior = prior_of(SATELLITES["microsat"], world(ALL))
+    model = CalibratedModel(MomentumEKFSettings(parameters="full"), prior)
+    generator = np.random.default_rng(0)
+    x, covariance = model.start(np.array([0.01, -0.02, 0.015]), np.array([50.0, -80.0, 120.0]))
+    x = x + np.sqrt(np.diag(covariance)) * generator.normal(size=model.size)
+    w0, w1 = np.array([50.0, -80.0, 120.0]), np.array([55.0, -70.0, 110.0])
+    scale = np.sqrt(np.diag(covariance)) + 1e-9
+    for function, jacobian in (
+        (lambda v: model.reading(v, w1), model.measurement_jacobian(x, w1, model.reading(x, w1))),
+        (lambda v: model.step(v, w0, w1, 0.1), model.step_jacobian(x, w0, w1, 0.1)),
+    ):
+        for j in range(model.size):
+            h = np.zeros(model.size)
+            h[j] = 1e-4 * scale[j]
+            slope = (function(x + h) - function(x - h)) / (2.0 * h[j])
+            np.testing.assert_allclose(jacobian[:, j] * scale[j], slope * scale[j], rtol=1e-6, atol=1e-10)
+
+
+@pytest.mark.parametrize("estimator", ["momentum", "adaptive"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_consistent_where_the_data_sheet_tells_of_the_error(kind, estimator):
+    """Mean NEES of 40 episodes; without calibration the same flights are far outside of it."""
+    scores = fly(
+        make_baseline("rate_square", "microsat"),
+        satellite="microsat",
+        inertia="static",
+        seeds=seeds("validation", 40),
+        scenario=world(KINDS[kind]),
+        estimator=estimator,
+    ).scores()
+    assert 0.3 < scores["nees"].mean() < 1.6
+
+
+def test_without_calibration_it_is_far_off():
+    scores = fly(
+        make_baseline("rate_square", "microsat"),
+        satellite="microsat",
+        inertia="static",
+        seeds=seeds("validation", 20),
+        scenario=world(ALL),
+        estimator={"name": "adaptive", "calibrate": False},
+    ).scores()
+    assert scores["nees"].mean() > 5.0
+
+
+def test_a_common_error_of_the_rotors_stays_in_the_covariance():
+    """Rotors heavier by one factor give the same readings for a body heavier by it: no excitation finds it."""
+    told = world({"wheel_inertia": 0.01})
+    env = SatInertiaIDEnv("microsat", "static", told)
+    env.reset(seed=0)
+    policy = make_baseline("rate_square", "microsat")
+    (mission,) = missions(problem("microsat", "static", told))
+    policy.reset(mission, [0])
+    observation, _ = env.reset(seed=0)
+    for _ in range(300):
+        observation, *_ = env.step(policy(observation[None])[0])
+    estimate = np.diagonal(env.fleet.rows.reports[0]["inertia_estimate"])
+    std = 10.0 ** (observation[env.layout["uncertainty"]] - 2.0) * np.diagonal(mission.prior.inertia) / estimate
+    common = 0.01 / np.sqrt(3.0)
+    assert np.all((0.99 * common < std) & (std < 1.1 * common))
+
+
+def test_the_rate_that_policies_see_is_corrected():
+    told = world({"gyro_bias": 5e-3}, disturbance_scale=0.0)
+    env = SatInertiaIDEnv("microsat", "static", told)
+    env.reset(seed=4)
+    for i in range(120):
+        observation, *_ = env.step(np.full(3, 0.3 if i // 5 % 2 else -0.3, np.float32))
+    seen = observation[env.layout["rate"]] * SATELLITES["microsat"].rate_limit
+    plant = env.fleet.rows.plants[0]
+    assert np.abs(plant["gyro"] - plant["rate"]).max() > 2e-3
+    assert np.abs(seen - plant["rate"]).max() < 1e-3
+
+
+# what is refused
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"gyro_bias": -1e-4}, "gyro_bias must be"),
+        ({"wheel_inertia": 0.2}, r"wheel_inertia must be .* 0\.1"),
+        ({"gyro_scale": "0.1"}, "gyro_scale must be a"),
+        ({"gyro_scalee": 0.1}, "unknown .*gyro_scale"),
+    ],
+)
+def test_tolerances_that_cannot_be_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Tolerances.from_dict(settings)
+
+
+def test_satellites_with_errors_of_different_kinds_need_one_choice():
+    one = SATELLITES["microsat"].replace(tolerances=Tolerances(gyro_bias=1e-4))
+    with pytest.raises(ValueError, match=r"tolerances of the same kinds.*give scenario tolerances"):
+        problem([one, "cubesat"])
+    assert problem([one, "cubesat"], scenario={"tolerances": {"gyro_bias": 1e-4}})
