@@ -135,7 +135,7 @@ def has_options(module):
     if spec.submodule_search_locations:
         spec = importlib.util.find_spec(f"{module}.__main__")
     text = (ROOT / spec.origin).read_text()
-    return re.search(r"tyro\.cli\(|ArgumentParser\(|\.main\(|import main$", text, flags=re.M) is not None
+    return re.search(r"cli\.run\(|ArgumentParser\(", text, flags=re.M) is not None
 
 
 def extras(requirement):

@@ -129,7 +129,7 @@ def test_an_unwritable_output_is_known_before_the_work(tmp_path):
     line = [sys.executable, "-m", "agents.compare", "--output", str(tmp_path / "file")]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
-    assert done.stderr == f"error: {tmp_path / 'file'}: File exists; nothing of the old is lost\n"
+    assert done.stderr == f"error: {tmp_path / 'file'}: File exists; existing files are unchanged\n"
     with pytest.raises(OSError, match="Not a directory"):
         check_writable(tmp_path / "file" / "below")
 
@@ -139,9 +139,9 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
     write_bytes(path, b"old")
     code = f"""
 from pathlib import Path
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym.files import write_bytes
-raise SystemExit(ended(lambda: write_bytes(Path({str(path)!r}), b"new" * 1000)))
+raise SystemExit(exit_code(lambda: write_bytes(Path({str(path)!r}), b"new" * 1000)))
 """
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, preexec_fn=full_after(1000), capture_output=True, text=True
@@ -169,7 +169,7 @@ def test_an_interrupted_comparison_leaves_the_old_files(tmp_path):
     assert process.returncode == 130
     assert time.perf_counter() - began < PROMPT
     assert "Traceback" not in errors
-    assert errors.splitlines()[-1] == "stopped; what was there before is untouched"
+    assert errors.splitlines()[-1] == "stopped; existing files are unchanged"
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"compare.json": "old"}
 
 

@@ -19,7 +19,7 @@ from agents.training import imitation, ppo
 from agents.training.settings import ImitationSettings, TrainSettings
 from agents.viewer import record
 from agents.viewer.rollout import Pairing
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from baselines.tuning import amplitudes, open_loop_design
 from satid_gym import SATELLITES, SCENARIOS, InertiaLaw, Satellite
 from satid_gym.evaluation import benchmark_scenario
@@ -78,7 +78,7 @@ def call(module, line):
         contextlib.redirect_stderr(errors),
     ):
         patch.setattr(sys, "argv", ["command", *line.split()])
-        code = ended(module.main)
+        code = exit_code(module.main)
     return code, output.getvalue(), errors.getvalue()
 
 

@@ -12,7 +12,7 @@ import torch
 from agents.training import ppo, select
 from agents.training.settings import TrainSettings, named
 from baselines import tuned_entry
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym import RewardSettings
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.profiles import PROFILES
@@ -67,7 +67,7 @@ def test_the_wheels_speed_limit_is_not_lowered_twice(module, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [name, *options, "--scenario", "tight"])
     with pytest.raises(SystemExit) as end:
-        sys.exit(ended(command.main))
+        sys.exit(exit_code(command.main))
     said = str(end.value.code) + capsys.readouterr().err
     assert "multiplies the wheels' speed limit by 0.1 already" in said
     assert "it would be 0.1, 0.01 of nominal; add --wheel-scales 1" in said
@@ -186,7 +186,7 @@ def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp
     monkeypatch.setattr(select, "PRETRAINED", shipped)
     arguments = ["choose", str(finished[0]), str(copy), "--ship", "--margin", "3.1", "--episodes", "6"]
     monkeypatch.setattr("sys.argv", arguments)
-    assert select.main() == 0
+    assert exit_code(select.main) == 0
     assert f"best by final and mean error: {copy}" in capsys.readouterr().out
     policy = LearnedPolicy.load(shipped / lively.name)
     assert policy.margin == 3.1
@@ -200,7 +200,7 @@ def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp
 @pytest.mark.parametrize(("option", "message"), [(("--episodes", "0"), "episodes"), (("--margin", "-1"), "margin")])
 def test_a_choice_that_cannot_be_made_ends_with_one_line(copy, monkeypatch, capsys, option, message):
     monkeypatch.setattr("sys.argv", ["choose", str(copy), *option])
-    assert ended(select.main) == 2
+    assert exit_code(select.main) == 2
     assert message in capsys.readouterr().err
 
 
@@ -212,7 +212,7 @@ def test_a_policy_that_does_not_say_how_it_was_trained_is_not_chosen(copy, monke
     policy.details = details
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
-    assert ended(select.main) == 2
+    assert exit_code(select.main) == 2
     errors = capsys.readouterr().err
     assert errors.startswith(f"error: policy {policy.name} does not say how it was trained (")
     assert errors.count("\n") == 1
@@ -223,7 +223,7 @@ def test_runs_for_different_satellites_are_not_compared(copy, finished, monkeypa
     policy.details["trained"]["settings"]["satellite"] = "cubesat"
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(finished[0]), str(copy)])
-    assert ended(select.main) == 2
+    assert exit_code(select.main) == 2
     assert "different satellites" in capsys.readouterr().err
 
 
@@ -234,7 +234,7 @@ def test_an_error_of_flight_is_not_taken_for_one_of_training(copy, monkeypatch):
     monkeypatch.setattr(select, "validate", flight)
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
     with pytest.raises(ValueError, match=r"^of flight$"):
-        select.main()
+        exit_code(select.main)
 
 
 @pytest.mark.parametrize("control", ["rate", "torque"])

@@ -8,7 +8,6 @@ where the policy's control is "rate" (satid_gym/control/rate_loop.py turns them 
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ import torch
 import tyro
 from onnx import TensorProto, helper, numpy_helper
 
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.core.observation import BOUND
 from satid_gym.files import write_bytes
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -114,7 +113,7 @@ def export(policy: LearnedPolicy, output: Path) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class OnnxExport:
     """What to export and where to."""
 
     policy: tyro.conf.Positional[str]
@@ -123,14 +122,13 @@ class Options:
     """The ONNX file to write."""
 
 
-def main() -> int:
+def main(asked: OnnxExport) -> int:
     """Export, and print how close and how fast it is; the exit code."""
-    options = tyro.cli(Options, description=__doc__)
-    with refusal():
-        difference, seconds = export(find(options.policy), options.output)
-    print(f"{options.output}: differs from torch by at most {difference:.1e}; {1e6 * seconds:.1f} us a decision")
+    with cli.user_errors():
+        difference, seconds = export(find(asked.policy), asked.output)
+    print(f"{asked.output}: differs from torch by at most {difference:.1e}; {1e6 * seconds:.1f} us a decision")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

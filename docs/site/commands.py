@@ -14,7 +14,7 @@ import griffe
 
 ROOT = Path(__file__).parents[2]
 PAGE = "api/commands.md"
-_OPTIONS = re.compile(r"tyro\.cli\((\w+)")
+_OPTIONS = re.compile(r"^def main\(\w+: (\w+)", flags=re.MULTILINE)
 _PARSER = re.compile(r"ArgumentParser\(|^if __name__ ==", flags=re.MULTILINE)
 _FACE = re.compile(r"^from ([\w.]+) import main$", flags=re.MULTILINE)
 
