@@ -1,6 +1,6 @@
-"""Command: make the report page again; see `agents.benchmark.report.__main__`."""
+"""Command: make the report page again; see `agents.benchmark.report.command`."""
 
-from agents.benchmark.report.__main__ import main
+from agents.benchmark.report.command import main
 from baselines.command import cli
 
 if __name__ == "__main__":

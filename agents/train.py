@@ -1,6 +1,6 @@
-"""Command: train a policy with PPO; see `agents.training.ppo`."""
+"""Command: train a policy; see `agents.training.train`."""
 
-from agents.training.ppo import main
+from agents.training.train import main
 from baselines.command import cli
 
 if __name__ == "__main__":

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from agents.training import combine, imitation
-from agents.training.settings import ImitationSettings
+from agents.training.imitation import ImitationSettings
+from agents.training.run import Run
+from agents.training.teacher import answers
 from baselines.command.cli import exit_code
 from satid_gym.policies.learned import LearnedPolicy
 
@@ -30,7 +32,7 @@ SMALL = ImitationSettings(
 
 def imitated(folder: Path, **changes: object) -> Path:
     settings = dataclasses.replace(SMALL, **changes)  # type: ignore[arg-type]
-    imitation.Imitation(settings, folder, resume=False, command="test").learn()
+    imitation.train(Run(settings, folder, resume=False, module="test"))
     return folder
 
 
@@ -43,7 +45,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def agreement(network, run: Path) -> float:
     """Share of a run's answers that the network gives."""
-    said = imitation.answers(run, SMALL.rounds)
+    said = answers(run, SMALL.rounds)
     return float(np.mean([np.mean((network(x) > 0.0) == (y > 0.0)) for x, y in said]))
 
 
@@ -62,7 +64,7 @@ def test_the_network_learns_from_every_run(runs, tmp_path, monkeypatch, capsys):
     first, second = (LearnedPolicy.load(run / "policy") for run in runs)
     assert agreement(policy.network, runs[1]) > agreement(first.network, runs[1]) + 0.02
     assert agreement(policy.network, runs[0]) > agreement(second.network, runs[0]) + 0.02
-    said = [piece for run in runs for piece in imitation.answers(run, SMALL.rounds)]
+    said = [piece for run in runs for piece in answers(run, SMALL.rounds)]
     again = imitation.fit(said, SMALL, 8)
     np.testing.assert_array_equal(policy.network(said[0][0]), again(said[0][0]))
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.benchmark import compare
-from agents.benchmark.report import __main__ as report
+from agents.benchmark.report import command as report
 from agents.benchmark.report.curves import error_bands, rounded
 from agents.benchmark.report.episode import episode_cell, fly_episode, shown_policies
 from agents.benchmark.report.leaderboard import ALL_MODES, leaderboard

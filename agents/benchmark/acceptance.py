@@ -295,7 +295,3 @@ def main(acceptance: AcceptanceCheck) -> int:
         for scenario, values in needed.items():
             print(f"note   {scenario}excitation efficiency that 1/3 would take, of 1: {_largest(values, 1.0)[0]}")
     return 0 if held else 1
-
-
-if __name__ == "__main__":
-    cli.run(main)

@@ -181,7 +181,3 @@ def stored_lines(stored: Mapping[str, Any] | None) -> list[str]:
         return []
     made = f"(stored): not flown now, but of {stored['file']}, revision {stored['revision']}; --all flies these too"
     return [*([made] if stored["records"] else []), *stored["notes"]]
-
-
-if __name__ == "__main__":
-    cli.run(main)

@@ -67,7 +67,3 @@ def main(evaluation: Evaluation) -> int:
         f"scenario {entrants.scenario.name}",
     )
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)

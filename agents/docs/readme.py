@@ -13,7 +13,6 @@ from typing import Any
 
 from agents.benchmark.results import read_results
 from agents.docs.results_tables import claims, error_table
-from baselines.command import cli
 from baselines.command.markdown import table
 from satid_gym.files import read_json, write_text
 
@@ -77,7 +76,3 @@ def main() -> None:
     """Command line."""
     readme = ROOT / "README.md"
     write_text(readme, written(readme.read_text()))
-
-
-if __name__ == "__main__":
-    cli.run(main)

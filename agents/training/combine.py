@@ -15,9 +15,9 @@ from pathlib import Path
 import torch
 import tyro
 
-from agents.training.imitation import Answers, answers, fit, policy_of
-from agents.training.ppo import summary, validate
-from agents.training.settings import ImitationSettings
+from agents.training.imitation import ImitationSettings, fit, policy_of
+from agents.training.run import summary, validate
+from agents.training.teacher import Answers, answers
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym.config import check_whole

@@ -27,6 +27,7 @@ from satid_gym.policies.shipped import find
 
 TOLERANCE = 1e-6
 _OPSET = 17
+_OPERATORS = {"tanh": "Tanh", "relu": "Relu"}
 
 
 def graph(policy: LearnedPolicy) -> onnx.ModelProto:
@@ -41,11 +42,13 @@ def graph(policy: LearnedPolicy) -> onnx.ModelProto:
         y = "output" if last else f"layer.{i}"
         nodes.append(helper.make_node("Gemm", [x, f"weight.{i}", f"bias.{i}"], [y], transB=1))
         if not last:
-            nodes.append(helper.make_node("Tanh", [y], [f"{y}.tanh"]))
-        x = f"{y}.tanh"
+            nodes.append(helper.make_node(_OPERATORS[network.activation], [y], [f"{y}.active"]))
+        x = f"{y}.active"
+    if network.squashed:
+        nodes.append(helper.make_node("Tanh", ["output"], ["squashed"]))
     constants.append(numpy_helper.from_array(np.array(-1.0), "least"))
     constants.append(numpy_helper.from_array(np.array(1.0), "most"))
-    nodes.append(helper.make_node("Clip", ["output", "least", "most"], ["clipped"]))
+    nodes.append(helper.make_node("Clip", ["squashed" if network.squashed else "output", "least", "most"], ["clipped"]))
     nodes.append(helper.make_node("Cast", ["clipped"], ["command"], to=TensorProto.FLOAT))
     entry = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", size])
     exit_ = helper.make_tensor_value_info("command", TensorProto.FLOAT, ["batch", outputs])
@@ -70,8 +73,9 @@ def torch_network(network: Network) -> torch.nn.Sequential:
     for weight, bias in zip(network.weights, network.biases, strict=True):
         layer = torch.nn.Linear(weight.shape[1], weight.shape[0])
         layer.weight.data, layer.bias.data = torch.from_numpy(weight), torch.from_numpy(bias)
-        layers += [layer.double(), torch.nn.Tanh()]
-    return torch.nn.Sequential(*layers[:-1], torch.nn.Hardtanh())
+        layers += [layer.double(), torch.nn.Tanh() if network.activation == "tanh" else torch.nn.ReLU()]
+    last = [torch.nn.Tanh()] if network.squashed else []
+    return torch.nn.Sequential(*layers[:-1], *last, torch.nn.Hardtanh())
 
 
 def largest_difference(session: onnxruntime.InferenceSession, network: Network, rows: int = 10_000) -> float:
@@ -128,7 +132,3 @@ def main(asked: OnnxExport) -> int:
         difference, seconds = export(find(asked.policy), asked.output)
     print(f"{asked.output}: differs from torch by at most {difference:.1e}; {1e6 * seconds:.1f} us a decision")
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)

@@ -15,8 +15,9 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.training.ppo import merit, validate
-from agents.training.settings import ANEW, ImitationSettings, Task, TrainSettings
+from agents.training.run import merit, validate
+from agents.training.settings import ANEW, Task
+from agents.training.train import SETTINGS
 from baselines.command import cli
 from baselines.command.provenance import command
 from satid_gym.config import check_number, check_whole
@@ -64,8 +65,7 @@ def _training(policy: LearnedPolicy) -> Task:
     """
     try:
         trained = policy.details["trained"]
-        kind = {"ppo": TrainSettings, "imitation": ImitationSettings}[trained["method"]]
-        return kind.from_dict(trained["settings"])
+        return SETTINGS[trained["method"]].from_dict(trained["settings"])
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
 

@@ -147,7 +147,3 @@ def main(settings: VideoSettings) -> int:
         path = write_video(settings)
     print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)

@@ -103,7 +103,3 @@ def main(settings: WatchSettings) -> int:
     finally:
         console.show_cursor()  # rich does this too, unless Ctrl-C came before its display started
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
@@ -104,7 +103,3 @@ def main(timing: TimingStudy) -> int:
         cell = {"satellite": timing.satellite, "episodes": timing.episodes}
         write_json(timing.output, {**result_head("baselines.timing"), **cell, "decision_ms": found})
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)

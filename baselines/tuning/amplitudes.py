@@ -20,7 +20,6 @@ from typing import Any
 
 from tqdm import tqdm
 
-from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
@@ -252,7 +251,3 @@ def main(settings: Tuning) -> int:
     if settings.trials is not None:
         write_json(settings.trials, tried)
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)

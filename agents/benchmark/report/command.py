@@ -32,7 +32,3 @@ def main(report: Report) -> int:
         path = rebuild(report.results, report.scenario)
     print(f"{path} written")
     return 0
-
-
-if __name__ == "__main__":
-    cli.run(main)
