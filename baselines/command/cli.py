@@ -68,7 +68,7 @@ def exit_code(main: Main) -> int:
             settings = settings_of(main, sys.argv[1:])
         return main(*settings) or 0
     except KeyboardInterrupt as interrupt:
-        print(f"\nstopped; {interrupt or UNCHANGED}", file=sys.stderr)
+        print(f"\nstopped; {str(interrupt) or UNCHANGED}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # whoever read the output, such as head, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
