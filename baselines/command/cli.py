@@ -87,11 +87,13 @@ def settings_of(main: Main, arguments: Sequence[str]) -> list[Any]:
     A settings class may have `parse(arguments)`, where a plain `tyro.cli` is not enough, and a method `check`.
 
     Raises:
-        ValueError: `parse` or `check` refuses them.
+        ValueError: `parse` or `check` refuses them, or there are some and the command takes none.
         SystemExit: tyro does, or the help was asked for.
     """
     parameters = list(inspect.signature(main).parameters)
     if not parameters:
+        if arguments:
+            raise ValueError(f"this command has no options, got {' '.join(arguments)}")
         return []
     kind = typing.get_type_hints(main)[parameters[0]]
     if hasattr(kind, "parse"):
