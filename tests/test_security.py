@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from agents.training import checkpoint
 from agents.training.ppo import PPOSettings
+from agents.training.sb3 import checkpoint
 from satid_gym.policies.learned import FILE_SIZE_MAX, LearnedPolicy, Network
 from satid_gym.policies.shipped import PRETRAINED, names
 

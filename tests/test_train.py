@@ -11,8 +11,8 @@ import torch
 
 from agents.training import ppo, select
 from agents.training.ppo import PPOSettings
-from agents.training.reinforcement import environment
 from agents.training.run import Run, merit, validate
+from agents.training.sb3.loop import environment
 from agents.training.train import main, named
 from baselines import tuned_entry
 from baselines.command.cli import exit_code

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from stable_baselines3 import PPO
 
-from agents.training.reinforcement import AfterUpdate, Training, environment
 from agents.training.run import Run, network_of
+from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.settings import RLSettings
 from satid_gym.policies.learned import LearnedPolicy
 

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from agents.training import checkpoint
+from agents.training.sb3 import checkpoint
 from agents.training.settings import Task
 from baselines.command import cli
 from baselines.command.provenance import result_head

@@ -1,4 +1,4 @@
-"""Train an excitation policy.
+"""Training of an excitation policy: `python -m agents.train`.
 
     python -m agents.train --settings ppo                   the shipped PPO policy, anew
     python -m agents.train --settings sac                   Soft Actor-Critic
