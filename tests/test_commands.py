@@ -72,14 +72,14 @@ MISSPELT = [
     ("baselines.tune --satellites microsats", "unknown satellite 'microsats'", "Did you mean 'microsat'?"),
     ("baselines.tune --scenarios defualt", "unknown scenario 'defualt'", "Did you mean 'default'?"),
     ("baselines.tune --satellites", "name at least one satellite"),
-    ("tests.faults --kills 0", "kills must be an integer of at least 1, got 0"),
-    ("tests.fuzz --wheels 2", "wheels must be an integer of at least 3, got 2"),
-    ("tests.fuzz --only 10000", "only must be at most 9999, got 10000"),
+    ("tests.qa.interruption --kills 0", "kills must be an integer of at least 1, got 0"),
+    ("tests.qa.fuzz --wheels 2", "wheels must be an integer of at least 3, got 2"),
+    ("tests.qa.fuzz --only 10000", "only must be at most 9999, got 10000"),
     ("tests.golden --output file/golden.json", "file: File exists"),
-    ("tests.interval_coverage --satellite microsats", "unknown satellite 'microsats'", "Did you mean 'microsat'?"),
-    ("tests.interval_coverage --inertia stepp", "unknown inertia mode 'stepp'", "Did you mean 'step'?"),
-    ("tests.long_haul --decisions 5", "decisions must be an integer of at least"),
-    ("tests.mutation --modules core/rewards", "unknown module 'core/rewards'", "Did you mean 'core/reward'?"),
+    ("tests.qa.interval_coverage --satellite microsats", "unknown satellite 'microsats'", "Did you mean 'microsat'?"),
+    ("tests.qa.interval_coverage --inertia stepp", "unknown inertia mode 'stepp'", "Did you mean 'step'?"),
+    ("tests.qa.long_haul --decisions 5", "decisions must be an integer of at least"),
+    ("tests.qa.mutation --modules core/rewards", "unknown module 'core/rewards'", "Did you mean 'core/reward'?"),
 ]
 WITHOUT_NAMES = {
     "agents.docs.tables",
@@ -88,8 +88,8 @@ WITHOUT_NAMES = {
     "agents.docs.limits_figure",
     "agents.docs.decision_figure",
     "agents.docs.faults_table",
-    "tests.distribution",
-    "tests.mutation.trial",
+    "tests.qa.distribution",
+    "tests.qa.mutation.trial",
 }
 
 

@@ -1,10 +1,10 @@
-"""Packaging: the short form of `python -m tests.distribution`, which also compiles and flies what it installed."""
+"""Packaging: the short form of `python -m tests.qa.distribution`, which also compiles and flies what it installed."""
 
 import sys
 
 import pytest
 
-from tests.distribution import FLY, ROOT, build, call, contents, install, unpack
+from tests.qa.distribution import FLY, ROOT, build, call, contents, install, unpack
 
 
 @pytest.fixture(scope="module")

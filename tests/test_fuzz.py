@@ -1,4 +1,4 @@
-"""Random environments, valid and spoiled; `python -m tests.fuzz` flies thousands, with any number of wheels."""
+"""Random environments, valid and spoiled; `python -m tests.qa.fuzz` flies thousands, with any number of wheels."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from satid_gym import SATELLITES, InertiaLaw, SatInertiaIDEnv
-from tests.fuzz.__main__ import Fuzz
-from tests.fuzz.configuration import Group, draw_configuration
-from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
-from tests.fuzz.spoil import refused, refuses_actions, spoil
+from tests.qa.fuzz.__main__ import Fuzz
+from tests.qa.fuzz.configuration import Group, draw_configuration
+from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
+from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
 CHANCE = st.randoms(use_true_random=False)
 GROUPS = [Group(wheels=3, parameters="principal", estimator=name) for name in ("adaptive", "momentum", "rate")]

@@ -1,11 +1,11 @@
-"""The short form of `python -m tests.interval_coverage`."""
+"""The short form of `python -m tests.qa.interval_coverage`."""
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from satid_gym.metrics import iqm
-from tests.interval_coverage import LEAST, SYNTHETIC, misses
+from tests.qa.interval_coverage import LEAST, SYNTHETIC, misses
 
 SIMULATIONS = 60
 

@@ -1,11 +1,11 @@
-"""The long haul in short: figures, refusals, and a stop that changes nothing. `python -m tests.long_haul` flies 1e8."""
+"""Short form of `python -m tests.qa.long_haul`: figures, refusals, and a stop that changes nothing."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tests.long_haul import SAMPLES, Haul, LongHaul, actions
+from tests.qa.long_haul import SAMPLES, Haul, LongHaul, actions
 
 TIMED = ("decisions_per_s", "last_tenth_over_first", "resident_mb", "bytes_per_million_decisions")
 

@@ -6,9 +6,9 @@ import ast
 
 import pytest
 
-from tests.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
-from tests.mutation.equivalent import EQUIVALENT
-from tests.mutation.mutants import find_mutants, mutate
+from tests.qa.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
+from tests.qa.mutation.equivalent import EQUIVALENT
+from tests.qa.mutation.mutants import find_mutants, mutate
 
 pytestmark = pytest.mark.compiled  # its trials switch the compiler off themselves
 
@@ -66,7 +66,7 @@ def test_groups_are_made_of_the_modules():
 
 
 def test_a_trial_kills_a_wrong_sign_and_passes_the_original():
-    target = Target("core/sensors")
+    target = Target("core/truth/sensors")
     mutants = find_mutants(target.source)
     wrong = next(i for i, m in enumerate(mutants) if "gyro_bias[i] - plant.gyro_noise_std" in m.after)
     request = {"path": target.path, "tests": target.tests, "order": [], "seconds": 100}
@@ -75,7 +75,7 @@ def test_a_trial_kills_a_wrong_sign_and_passes_the_original():
         clean = trials.run({**request, "index": None})
         assert clean["outcome"] == "survived"
         assert {test.split("::")[0] for test in clean["tests"]} == {
-            f"tests/test_{name}.py" for name in TESTS["core/sensors"]
+            f"tests/test_{name}.py" for name in TESTS["core/truth/sensors"]
         }
         result = trials.run({**request, "index": wrong})
         assert result["outcome"] == "killed"

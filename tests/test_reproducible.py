@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.golden.flights import CASES, fly
-from tests.long_haul import SAMPLES, Haul, LongHaul
+from tests.qa.long_haul import SAMPLES, Haul, LongHaul
 
 ROOT = Path(__file__).parent.parent
 THREADS = (1, 2, 3)

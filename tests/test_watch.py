@@ -19,7 +19,7 @@ from agents.viewer import watch
 from agents.viewer.dashboard import bar, dashboard, sparkline, summary
 from agents.viewer.rollout import Pairing
 from baselines.command.cli import ended
-from tests.faults import heed_interrupts
+from tests.qa.interruption import heed_interrupts
 
 PAIRING = Pairing(policy="generalist", horizon=20.0)
 TITLE = "microsat, step inertia"

@@ -1,4 +1,4 @@
-"""Faults: what is killed, full, locked or damaged costs time and a line of text, never a result."""
+"""Interruptions: what is killed, full, locked or damaged costs time and a line of text, never a result."""
 
 import json
 import os
@@ -14,10 +14,10 @@ import pytest
 from agents.docs import readme
 from agents.training import ppo
 from satid_gym.files import DamagedFileError, check_writable, read_json, write_bytes
-from tests.faults import (
+from tests.qa.interruption import (
     PROMPT,
     ROOT,
-    Faults,
+    Interruptions,
     await_checkpoint,
     differences,
     finish,
@@ -28,7 +28,7 @@ from tests.faults import (
     training,
 )
 
-SHORT = Faults(steps=24_000, every=3_200)
+SHORT = Interruptions(steps=24_000, every=3_200)
 
 
 def refused(arguments, capsys):
@@ -44,7 +44,7 @@ def refused(arguments, capsys):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A short training that ended by itself."""
-    folder = tmp_path_factory.mktemp("faults") / "whole"
+    folder = tmp_path_factory.mktemp("interruption") / "whole"
     finish(training(SHORT, folder))
     return folder
 

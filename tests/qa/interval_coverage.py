@@ -1,4 +1,4 @@
-"""How often the comparison's 95 % intervals hold what they are about: `python -m tests.interval_coverage`.
+"""How often the comparison's 95 % intervals hold what they are about: `python -m tests.qa.interval_coverage`.
 
 Many comparisons of 100 episodes each are drawn from populations whose truth is known: lognormal ones, and the final
 errors of real flights on validation seeds, drawn with replacement. The exit code is 1 where an interval

@@ -1,7 +1,7 @@
 """Fly the vector environment for as many decisions as a training run takes, and longer.
 
-    python -m tests.long_haul --decisions 100000000
-    python -m tests.long_haul --decisions 100000000 --resume        go on after a stop
+    python -m tests.qa.long_haul --decisions 100000000
+    python -m tests.qa.long_haul --decisions 100000000 --resume        go on after a stop
 
 Memory must not grow, speed must not fall and nothing may be NaN. Prints figures and writes them as JSON; the state
 is kept beside it from time to time, so that a run can be stopped at any moment.
@@ -181,7 +181,7 @@ def main() -> int:
     figures = haul.figures()
     for name, value in figures.items():
         print(f"{name:32s} {value}")
-    results = {"command": command("tests.long_haul"), "revision": revision(), "versions": versions(), **figures}
+    results = {"command": command("tests.qa.long_haul"), "revision": revision(), "versions": versions(), **figures}
     write_json(settings.output, {**results, "samples": haul.seen["samples"]})
     settings.state_file.unlink()
     print(f"written to {settings.output}")

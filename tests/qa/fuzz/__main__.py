@@ -1,7 +1,7 @@
 """Fly thousands of random configurations, valid and spoiled, and print what was found.
 
-    python -m tests.fuzz --configurations 10000 --seed 0
-    python -m tests.fuzz --only 1234 --seed 0        one of them again, in full
+    python -m tests.qa.fuzz --configurations 10000 --seed 0
+    python -m tests.qa.fuzz --only 1234 --seed 0        one of them again, in full
 
 Configuration i of a seed is always the same, so `--only` reproduces a failure and `--first` goes on after a stop.
 """
@@ -29,9 +29,9 @@ from satid_gym import SatInertiaIDEnv
 from satid_gym.config import check_names, check_whole
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.files import check_writable, write_json
-from tests.fuzz.configuration import Configuration, Group, draw_configuration
-from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
-from tests.fuzz.spoil import refused, refuses_actions, spoil
+from tests.qa.fuzz.configuration import Configuration, Group, draw_configuration
+from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
+from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,14 +177,14 @@ def main() -> int:
     failures = [{"group": str(group), **failure} for group, f in found.items() for failure in f.failures]
     for failure in failures:
         print(
-            f"{failure['group']}: python -m tests.fuzz --seed {fuzz.seed} --configurations {fuzz.configurations} "
+            f"{failure['group']}: python -m tests.qa.fuzz --seed {fuzz.seed} --configurations {fuzz.configurations} "
             f"--only {failure['index']}: {failure['what'][:200]}"
         )
     totals = {name: sum(getattr(f, name) for f in found.values()) for name in ("flown", "refused", "undrawable")}
     write_json(
         fuzz.output,
         {
-            "command": command("tests.fuzz"),
+            "command": command("tests.qa.fuzz"),
             "revision": revision(),
             "versions": versions(),
             **totals,
