@@ -1,4 +1,4 @@
-"""What several test modules fly."""
+"""Satellites that several test modules fly, the browser, and the lane without the compiler."""
 
 from __future__ import annotations
 

@@ -9,8 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from agents.benchmark import compare, tables
-from agents.benchmark.statistics import pair, record
+from agents.benchmark import compare
+from agents.benchmark.summary import tables
+from agents.benchmark.summary.statistics import pair, record
 from baselines.command import provenance
 from baselines.command.cli import ended
 from satid_gym import files

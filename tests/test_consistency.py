@@ -1,4 +1,4 @@
-"""Whether the filter's uncertainty is honest, and whether anything but belief and measurement reaches the agent.
+"""Consistency of the filters' uncertainty, and the wall: belief and measurement alone reach the agent.
 
 NEES is per degree of freedom. Over N episodes at one time its average is chi-square with 3 N degrees of freedom
 over 3 N where the filter is consistent; at different times it is correlated, so that several times are several

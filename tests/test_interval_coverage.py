@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from satid_gym.metrics import iqm
-from tests.qa.interval_coverage import LEAST, SYNTHETIC, misses
+from tests.qa.interval_coverage import COVERED_MIN, SYNTHETIC, misses
 
 SIMULATIONS = 60
 
@@ -13,7 +13,7 @@ SIMULATIONS = 60
 @pytest.mark.parametrize("name", SYNTHETIC)
 def test_intervals_cover_what_they_are_about(name):
     # fewer than 5 in a million runs fall below this where the coverage is 93 %; 60 are too few to tell 97 % from all
-    least = binom.ppf(5e-6, SIMULATIONS, LEAST)
+    least = binom.ppf(5e-6, SIMULATIONS, COVERED_MIN)
     for statistic, (above, below) in misses(SYNTHETIC[name], 100, SIMULATIONS, seed=3).items():
         assert SIMULATIONS - above - below >= least, statistic
 

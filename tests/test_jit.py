@@ -1,4 +1,4 @@
-"""How the core is compiled: its parts, and the compiler's cache for what numba's own leaves open."""
+"""Compilation of the core: its parts, and the compiler's cache for what numba's own leaves open."""
 
 import os
 import subprocess

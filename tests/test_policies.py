@@ -1,4 +1,4 @@
-"""What every policy that observes refuses: observations that would become torque that is not finite."""
+"""Refusals of every policy that observes: observations that would become torque that is not finite."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is said of a comparison: who is compared with whom, and how the reward ranks policies."""
+"""Standings of a comparison: who is compared with whom, and how the reward ranks policies."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents.benchmark.ranking import standings
+from agents.benchmark.summary.ranking import standings
 from agents.docs import readme, results_tables, reward_figure
 
 COMMAND = "python -m agents.compare --output results"

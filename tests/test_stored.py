@@ -11,7 +11,7 @@ from agents.benchmark.compare import Comparison, compare, main, stored_lines, wr
 from agents.benchmark.report.leaderboard import leaderboard
 from agents.benchmark.report.page import page_data
 from agents.benchmark.results import read_results
-from agents.benchmark.tables import print_comparison
+from agents.benchmark.summary.tables import print_comparison
 from satid_gym.files import DamagedFileError
 from satid_gym.policies.registry import BASELINES, PLANNERS, make_baseline
 

@@ -18,8 +18,8 @@ import numpy as np
 import tyro
 from scipy.spatial.transform import Rotation
 
-from agents.benchmark.ranking import inside
 from agents.benchmark.results import file_names, read_results
+from agents.benchmark.summary.ranking import inside
 from baselines.command.cli import ended, refusal
 from baselines.tuning.amplitudes import tune
 from satid_gym import ReactionWheels, Satellite

@@ -13,7 +13,7 @@ import tyro
 
 from agents.benchmark.compare import Comparison, compare
 from agents.benchmark.entrants import Prepared, learned
-from agents.benchmark.tables import print_comparison
+from agents.benchmark.summary.tables import print_comparison
 from baselines.command.cli import ended, refusal
 from baselines.command.options import ScenarioText
 from satid_gym.laws import INERTIA_MODES

@@ -13,7 +13,7 @@ from typing import Any
 
 import tyro
 
-from agents.benchmark.ranking import cells, standings
+from agents.benchmark.summary.ranking import cells, standings
 from agents.docs.readme import REMEDY, RESULTS, ROOT
 from agents.docs.results_tables import source
 from baselines.command.cli import ended

@@ -1,4 +1,4 @@
-"""What the AdaptiveEKF's settings change: `python -m baselines.tuning.filter_sensitivity`.
+"""Sensitivity of the AdaptiveEKF to its settings: `python -m baselines.tuning.filter_sensitivity`.
 
 Flights on the tuning seeds, over satellites, inertia modes with the paper's laws and policies that excite well and
 less well, are recorded once; every setting filters the same readings. One setting at a time is halved and doubled.

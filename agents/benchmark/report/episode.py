@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agents.benchmark.ranking import inside
 from agents.benchmark.report.curves import rounded
+from agents.benchmark.summary.ranking import inside
 from baselines.studies.recording import Recording, record
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.laws import InertiaLaw
