@@ -1,9 +1,12 @@
-"""Cases of a table that one test goes through: a failure names its case."""
+"""Tables of cases that one test goes through; a failure names its case."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 
 @contextlib.contextmanager
@@ -14,3 +17,26 @@ def case(what: object) -> Iterator[None]:
     except BaseException as error:  # pytest's own failures are no Exceptions
         error.add_note(f"case: {what}")
         raise
+
+
+def cases(names: str | tuple[str, ...], values: Iterable[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Table of a test, written as for `pytest.mark.parametrize`, whose cases are one thing and count as one test.
+
+    Fixtures are the same for all cases.
+    """
+    names, rows = (names,) if isinstance(names, str) else names, list(values)
+
+    def decorate(test: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(test)
+        def go_through(**fixtures: Any) -> None:
+            for row in rows:
+                given = dict(zip(names, (row,) if len(names) == 1 else row, strict=True))
+                with case(given):
+                    test(**fixtures, **given)
+
+        signature = inspect.signature(test)
+        own = [parameter for name, parameter in signature.parameters.items() if name not in names]
+        go_through.__signature__ = signature.replace(parameters=own)  # type: ignore[attr-defined]
+        return go_through
+
+    return decorate
