@@ -14,6 +14,7 @@ import pytest
 from agents.docs import readme
 from agents.training import ppo
 from satid_gym.files import DamagedFileError, check_writable, read_json, write_bytes
+from tests.cases import cases
 from tests.qa.interruption import (
     PROMPT,
     ROOT,
@@ -100,14 +101,14 @@ def test_a_full_disk_ends_a_run_with_a_line_and_it_goes_on_when_there_is_room(wh
     assert differences(whole, run) == []
 
 
-@pytest.mark.parametrize("folder", ["/dev/null/run", "/proc/run", "file/run", "file"])
+@cases("folder", ["/dev/null/run", "/proc/run", "file/run", "file"])
 def test_folders_that_cannot_be_written_are_one_line(tmp_path, folder, capsys):
     (tmp_path / "file").write_text("in the way")
     run = tmp_path / folder
     assert str(run).removesuffix("/run") in refused(training(SHORT, run)[2:], capsys)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("settings", "message"),
     [
         ("", "is not JSON"),
@@ -173,7 +174,7 @@ def test_an_interrupted_comparison_leaves_the_old_files(tmp_path):
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"compare.json": "old"}
 
 
-@pytest.mark.parametrize("text", ["", '{"records": [', "[]", '{"records": []}', "\x00" * 100])
+@cases("text", ["", '{"records": [', "[]", '{"records": []}', "\x00" * 100])
 def test_damaged_results_are_one_line(tmp_path, text, monkeypatch):
     (tmp_path / "compare.json").write_text(text)
     monkeypatch.setattr(readme, "RESULTS", tmp_path)

@@ -5,12 +5,13 @@ import pytest
 from scipy.stats import binom
 
 from satid_gym.metrics import iqm
+from tests.cases import cases
 from tests.qa.interval_coverage import COVERED_MIN, SYNTHETIC, misses
 
 SIMULATIONS = 60
 
 
-@pytest.mark.parametrize("name", SYNTHETIC)
+@cases("name", SYNTHETIC)
 def test_intervals_cover_what_they_are_about(name):
     # fewer than 5 in a million runs fall below this where the coverage is 93 %; 60 are too few to tell 97 % from all
     least = binom.ppf(5e-6, SIMULATIONS, COVERED_MIN)
@@ -18,7 +19,7 @@ def test_intervals_cover_what_they_are_about(name):
         assert SIMULATIONS - above - below >= least, statistic
 
 
-@pytest.mark.parametrize("name", SYNTHETIC)
+@cases("name", SYNTHETIC)
 def test_the_truth_is_that_of_the_population(name):
     population = SYNTHETIC[name]
     mine, theirs = population.draw(np.random.default_rng(0), 400_000)

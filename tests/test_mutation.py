@@ -6,6 +6,7 @@ import ast
 
 import pytest
 
+from tests.cases import cases
 from tests.qa.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
 from tests.qa.mutation.equivalent import EQUIVALENT
 from tests.qa.mutation.mutants import find_mutants, mutate
@@ -45,7 +46,7 @@ def test_mutants_of_a_small_source():
     ]
 
 
-@pytest.mark.parametrize("name", TESTS)
+@cases("name", TESTS)
 def test_every_mutant_is_another_program(name):
     source = Target(name).source
     original = ast.dump(ast.parse(source))
@@ -56,7 +57,7 @@ def test_every_mutant_is_another_program(name):
     assert len(changed) > 0.95 * len(mutants)  # x > 0 and not x <= 0 are one program
 
 
-@pytest.mark.parametrize("name", EQUIVALENT)
+@cases("name", EQUIVALENT)
 def test_every_equivalent_mutant_is_one_of_todays(name):
     assert EQUIVALENT[name].keys() <= {mutant.key for mutant in find_mutants(Target(name).source)}
 

@@ -4,10 +4,10 @@ import csv
 import io
 import json
 
-import pytest
 from PIL import Image
 
 from agents.docs import decision_figure, faults_table, limits_figure, readme
+from tests.cases import cases
 
 CELLS = [("s", "static"), ("s", "step")]
 
@@ -102,6 +102,6 @@ def test_the_committed_study_has_every_case_of_the_short_table():
     assert found >= {(case, kind) for case in faults_table.CASES for kind in ("believing", "gated")}
 
 
-@pytest.mark.parametrize(("text", "shown"), [("", "-"), ("0.5", "0.5"), ("123.4", "120"), ("1e5", "1e5")])
+@cases(("text", "shown"), [("", "-"), ("0.5", "0.5"), ("123.4", "120"), ("1e5", "1e5")])
 def test_numbers_of_the_short_table(text, shown):
     assert faults_table._number(text, 1.0) == shown

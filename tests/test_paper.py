@@ -22,6 +22,7 @@ from satid_gym.laws import paper_law
 from satid_gym.metrics import relative_error
 from satid_gym.profiles import PROFILES
 from satid_gym.templates import law_inertia
+from tests.cases import cases
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +94,7 @@ def test_energy_is_the_motors_work():
 # scores
 
 
-@pytest.mark.parametrize(
-    ("mode", "low", "high"), [("step", 9.09, 9.10), ("drift", 4.30, 4.32), ("periodic", 1.8, 1.92)]
-)
+@cases(("mode", "low", "high"), [("step", 9.09, 9.10), ("drift", 4.30, 4.32), ("periodic", 1.8, 1.92)])
 def test_perfect_constant_estimate_scores_what_the_paper_shows(mode, low, high):
     moments = np.array([3.0, 2.0, 4.0])
     truth = law_inertia(paper_law(mode), moments, np.arange(301.0))

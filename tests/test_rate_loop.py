@@ -9,6 +9,7 @@ from satid_gym import ReactionWheels, Satellite
 from satid_gym.control.deadbeat import reach, within_reach
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import build, find
+from tests.cases import cases
 
 UNIT = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 TILT = Rotation.from_rotvec(np.radians(35.0) * np.ones(3) / np.sqrt(3.0)).as_matrix()
@@ -24,7 +25,7 @@ def packed(matrix: np.ndarray) -> tuple[float, ...]:
     return tuple(float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
 
 
-@pytest.mark.parametrize("wheels", [3, 4, 6])
+@cases("wheels", [3, 4, 6])
 def test_shares_are_the_nearest_to_one_that_the_wheels_allow(wheels):
     """scipy's general solver for the same programme; distance is counted in shares."""
     rng = np.random.default_rng(wheels)

@@ -20,6 +20,7 @@ from agents.docs import readme
 from baselines import BASELINES, make_baseline
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.files import read_json
+from tests.cases import cases
 
 POLICIES = ("chirp", "rate_square", "zero", "generalist")
 
@@ -351,7 +352,7 @@ def test_bands_by_hand():
     assert rounded(np.array([1234.56, -0.000123456]), 2) == [1200.0, -0.00012]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("file", "name", "value"),
     [
         ("compare", "records", 5),

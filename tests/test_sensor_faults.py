@@ -24,6 +24,7 @@ from satid_gym.estimators import (
 )
 from satid_gym.faults import FAULTS, SWITCHES
 from satid_gym.scenario import prior_of
+from tests.cases import cases
 
 GATE = {"name": "momentum", "gate": 1e-6}
 RECORDED = json.loads(Path(__file__).with_name("faultless.json").read_text(encoding="utf-8"))
@@ -223,7 +224,7 @@ def test_a_stuck_tachometer_repeats_its_reading_while_the_wheel_turns_on():
     assert np.abs(rows["tachometer"] - rows["wheel_speed"])[35:, wheel].max() < 0.3
 
 
-@pytest.mark.parametrize("loss", [0.4, 1.0])
+@cases("loss", [0.4, 1.0])
 def test_a_weak_wheel_gives_the_part_of_its_torque_that_it_has_left(loss):
     scenario = world(wheel_loss=1.0, wheel_loss_size=(loss, loss)).replace(torque_noise=0.0)
     rows, infos = fly_truth(SatInertiaIDEnv(scenario=scenario))
@@ -234,7 +235,7 @@ def test_a_weak_wheel_gives_the_part_of_its_torque_that_it_has_left(loss):
     np.testing.assert_allclose(applied, expected, rtol=0, atol=1e-9)  # actions are float32
 
 
-@pytest.mark.parametrize("delay", [1, 3, 10])
+@cases("delay", [1, 3, 10])
 def test_commands_come_late_by_whole_samples(delay):
     """Of a decision's ten samples the first `delay` still follow the command before."""
     scenario = world(torque_delay=(delay, delay)).replace(torque_noise=0.0)
@@ -300,7 +301,7 @@ def sample(env: SatInertiaIDEnv, torque: np.ndarray = TORQUE):
     return rows.plants[0].copy(), [n for n, acted in zip(FAULTS, rows.reports["faults"][0], strict=True) if acted]
 
 
-@pytest.mark.parametrize("silent", [0, 1])
+@cases("silent", [0, 1])
 def test_a_dropout_lasts_from_after_its_first_instant_to_its_last(silent):
     env = quiet(gyro_dropout=[0.2, 0.4], gyro_dropout_silent=silent)
     rows, acted = zip(*(sample(env) for _ in range(5)), strict=True)
@@ -311,7 +312,7 @@ def test_a_dropout_lasts_from_after_its_first_instant_to_its_last(silent):
     assert np.ptp([row["rate"] for row in rows], axis=0).min() > 0.0
 
 
-@pytest.mark.parametrize("wheel", [0, 1])
+@cases("wheel", [0, 1])
 def test_a_stuck_tachometer_repeats_the_reading_before(wheel):
     env = quiet(tachometer_stuck=[0.2, 0.4], tachometer_stuck_wheel=wheel)
     rows, acted = zip(*(sample(env) for _ in range(5)), strict=True)
@@ -324,7 +325,7 @@ def test_a_stuck_tachometer_repeats_the_reading_before(wheel):
     assert np.ptp([row["wheel_speed"] for row in rows], axis=0).min() > 0.0
 
 
-@pytest.mark.parametrize("wheel", [0, 2])
+@cases("wheel", [0, 2])
 def test_a_weak_wheel_is_weak_from_its_moment_on(wheel):
     env = quiet(wheel_loss_start=0.2, wheel_loss_wheel=wheel, wheel_loss_left=0.25)
     for begins in (0.0, 0.1, 0.2, 0.3):
@@ -336,7 +337,7 @@ def test_a_weak_wheel_is_weak_from_its_moment_on(wheel):
         np.testing.assert_allclose(row["motor_torque"], expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
+@cases(
     "fault",
     [
         {"gyro_dropout": [0.0, 9.0]},
@@ -352,7 +353,7 @@ def test_nothing_acts_where_no_fault_can_happen(fault):
     assert names == []
 
 
-@pytest.mark.parametrize(("probability", "dropout"), [(0.5, [0.0, 0.0]), (0.0, [0.0, 0.0]), (1.0, [0.5, 1.5])])
+@cases(("probability", "dropout"), [(0.5, [0.0, 0.0]), (0.0, [0.0, 0.0]), (1.0, [0.5, 1.5])])
 def test_outliers_draw_by_draw(probability, dropout):
     """Whether, how large, and where of +x +y +z -x -y -z, after what noise draws; nothing where it cannot be."""
     env = quiet(gyro_outlier=probability, gyro_outlier_size=[0.3, 0.7], gyro_dropout=dropout, gyro_dropout_silent=1)
@@ -376,8 +377,8 @@ def test_outliers_draw_by_draw(probability, dropout):
     assert (spikes > 5) == (probability > 0.0)
 
 
-@pytest.mark.parametrize("delay", [0, 1, 3])
-@pytest.mark.parametrize("held", [3, 4])
+@cases("delay", [0, 1, 3])
+@cases("held", [3, 4])
 def test_each_command_is_obeyed_after_its_delay(delay, held):
     """Commands stand for a few samples; some change one wheel alone, and one does not change at all."""
     env = quiet(torque_delay=delay)
@@ -463,7 +464,7 @@ def test_a_noiseless_gyro_may_repeat_itself():
         assert env.fleet.rows.beliefs["coasting"][0] == 0
 
 
-@pytest.mark.parametrize("accepted", [True, (True,), (True, 5.0), (True, [0.0] * 4), (True, [0.0, 0.0, np.nan])])
+@cases("accepted", [True, (True,), (True, 5.0), (True, [0.0] * 4), (True, [0.0, 0.0, np.nan])])
 def test_what_an_estimator_says_it_accepted_is_checked(accepted):
     class Careless(FilterpyMomentumEKF):
         pass
@@ -540,7 +541,7 @@ def test_truth_of_faults_is_not_in_the_observation():
 # what is refused
 
 
-@pytest.mark.parametrize(
+@cases(
     ("values", "message"),
     [
         ({"gyro_dropout": 1.5}, "gyro_dropout must be finite and at least 0 and at most 1"),

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from satid_gym import SatInertiaIDEnv
 from satid_gym.core import kernels
 from satid_gym.core.random import normal
+from tests.cases import cases
 
 DT = 0.1
 
@@ -27,7 +27,7 @@ def noisy(lag: float) -> SatInertiaIDEnv:
     return env
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.25])
+@cases("lag", [0.0, 0.25])
 def test_a_sample_draw_by_draw(lag):
     """Motors first, then the gyro's bias, then the readings, each with the next deviates of the stream."""
     env = noisy(lag)

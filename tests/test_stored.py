@@ -14,6 +14,7 @@ from agents.benchmark.results import read_results
 from agents.benchmark.summary.tables import print_comparison
 from satid_gym.files import DamagedFileError
 from satid_gym.policies.registry import BASELINES, PLANNERS, make_baseline
+from tests.cases import cases
 
 CELL = {"satellites": ("cubesat",), "modes": ("static", "step"), "episodes": 2, "seed_split": "validation"}
 SHORT = ("zero", "rate_square")
@@ -77,7 +78,7 @@ def test_figures_of_the_same_episodes_are_shown_with_their_revision(tmp_path, pl
     assert str(tmp_path) not in json.dumps(result)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "said"),
     [
         (lambda r: r["seeds"].update(count=3), "are of 3 validation seeds from 2000000000, not of 2"),
@@ -130,7 +131,7 @@ def test_differences_of_a_billionth_are_none(plain):
     assert stored.differing(plain["records"], near) == {}
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"records": []}', '{"records": [5], "efficiencies": []}'])
+@cases("text", ["", "[]", '{"records": []}', '{"records": [5], "efficiencies": []}'])
 def test_a_damaged_file_gives_no_figures_but_a_note(tmp_path, plain, text):
     file = tmp_path / "compare.json"
     file.write_text(text)
