@@ -41,9 +41,12 @@ SOURCE = "agents.docs.tables"
 
 
 def meanings(cls: type) -> dict[str, str]:
-    """Meaning of each attribute, from the class docstring."""
-    parsed = docstring_parser.parse(cls.__doc__ or "", docstring_parser.DocstringStyle.GOOGLE)
-    return {p.arg_name: " ".join((p.description or "").split()).removesuffix(".") for p in parsed.params}
+    """Meaning of each attribute, from the docstrings of the class and its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        parsed = docstring_parser.parse(base.__dict__.get("__doc__") or "", docstring_parser.DocstringStyle.GOOGLE)
+        found |= {p.arg_name: " ".join((p.description or "").split()).removesuffix(".") for p in parsed.params}
+    return found
 
 
 def shown(value: Any) -> str:

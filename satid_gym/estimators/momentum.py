@@ -25,7 +25,6 @@ class MomentumEKFSettings(EstimatorSettings):
 
     Attributes:
         name: "momentum".
-        parameters: see `EstimatorSettings`.
         adaptive: whether it estimates the process noise of the inertia, and finds its steps; see
             `satid_gym.core.belief.adaptation`.
         inertia_walk: process noise: random walk of each moment relative to its prior, per sqrt(s); with adaptation

@@ -22,7 +22,6 @@ class RateEKFSettings(EstimatorSettings):
 
     Attributes:
         name: "rate".
-        parameters: see `EstimatorSettings`.
         gyro_std: measurement noise it assumes, rad/s.
         wheel_speed_std: likewise of the wheel speeds, rad/s.
         rate_walk: process noise, rad/s per sqrt(s).

@@ -28,7 +28,7 @@ _TYPES: dict[str, Callable[[Settings], Any]] = {
     "scenario.laws": lambda s: LawRanges,
     "scenario.faults": lambda s: Faults,
     "reward": lambda s: RewardSettings,
-    "estimator": lambda s: ESTIMATORS[s["estimator"]["name"]],
+    "estimator": lambda s: ESTIMATORS[s["estimator"]["name"]][0],
     "inertia": lambda s: InertiaLaw,
 }
 _SIGNED = ("phase",)  # numbers that may be negative
