@@ -307,6 +307,7 @@ def swings(satellite: Satellite, commands: np.ndarray) -> Course:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cubesat", "smallsat"])
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 @pytest.mark.compiled

@@ -15,6 +15,8 @@ from agents.training.settings import ImitationSettings
 from baselines.command.cli import RefusedError
 from satid_gym.policies.learned import LearnedPolicy
 
+pytestmark = pytest.mark.slow  # trains
+
 SMALL = ImitationSettings(
     satellite="cubesat",
     wheel_scales=(1.0,),

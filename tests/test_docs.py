@@ -61,6 +61,7 @@ def _one_thread_for_torch():
     torch.set_num_threads(1)  # the tests run side by side: threads that wait for each other's cores take a minute
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page, text in PAGES.items() if blocks(text, "python")])
 def test_code_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -83,11 +84,13 @@ def test_first_steps():
     assert left["info"]["relative_error"] < 0.01
 
 
+@pytest.mark.slow
 def test_a_policy_trained_in_seconds_beats_scripted_ones():
     errors = example("02_train_your_own_policy.py")["errors"]
     assert errors["mine"] < min(errors["sine"], errors["staggered_square"])
 
 
+@pytest.mark.slow
 def test_own_satellite_and_estimator():
     errors = example("03_bring_your_own_satellite_and_estimator.py")["errors"]
     assert len(errors) == 2

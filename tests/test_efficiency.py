@@ -58,6 +58,7 @@ def test_the_walk_of_the_truth_is_the_filters() -> None:
     assert (np.ptp(size, axis=1) < 1.01 * 0.1 * torque.sum(axis=1)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 def test_the_filter_reaches_its_bound_where_truth_is_its_model(walk: float) -> None:
     chosen, settings = seeds("validation", 60), MomentumEKFSettings(inertia_walk=walk)
@@ -86,6 +87,7 @@ def test_knowing_the_law_makes_every_mode_as_good_as_static() -> None:
         assert found[mode] == pytest.approx(found["static"], rel=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["static", "step", "periodic"])
 def test_no_policy_beats_its_ceiling(mode: str) -> None:
     chosen, world = seeds("validation", 12), benchmark_scenario()

@@ -29,6 +29,8 @@ from tests.qa.interruption import (
     training,
 )
 
+pytestmark = pytest.mark.slow  # trains in processes of its own and stops them
+
 SHORT = Interruptions(steps=24_000, every=3_200)
 
 

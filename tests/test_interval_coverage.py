@@ -8,6 +8,8 @@ from satid_gym.metrics import iqm
 from tests.cases import cases
 from tests.qa.interval_coverage import COVERED_MIN, SYNTHETIC, misses
 
+pytestmark = pytest.mark.slow  # long statistics
+
 SIMULATIONS = 60
 
 

@@ -56,6 +56,7 @@ def test_rank_correlation_by_hand() -> None:
     assert row["held"] == pytest.approx(0.5)  # ranks 3 1 2 against 3 2 1: 1 - 6 (0 + 1 + 1) / 24
 
 
+@pytest.mark.slow
 def test_a_small_climb(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("one_step", "sine_3axis", "prbs", "staggered_36s", "phased_50mHz", "staggered_12s")
     monkeypatch.setattr(observability, "FAMILY", {name: observability.FAMILY[name] for name in names})

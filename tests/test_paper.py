@@ -138,6 +138,7 @@ def test_jobs_cover_the_study():
 # the study, with one seed
 
 
+@pytest.mark.slow
 def test_what_the_study_has_to_show(found):
     assert {check.claim: check.found for check in checks(found) if not check.met} == {}
 
@@ -167,6 +168,7 @@ def test_smoother_beats_the_filter_over_the_record(found):
             assert smoothed < filtered
 
 
+@pytest.mark.slow
 def test_page_figures_and_json(found, runs, tmp_path):
     static = [run for run in runs if run.inertia_mode == "static"]
     horizon_runs = [

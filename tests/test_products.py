@@ -176,6 +176,7 @@ def test_policies_are_told_the_parameters_that_are_flown():
     assert mission.layout["inertia"].stop - mission.layout["inertia"].start == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", [None, "rate"])
 def test_a_planner_flies_a_tilted_satellite_under_any_filter(estimator):
     flight = fly(

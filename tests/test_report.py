@@ -22,6 +22,8 @@ from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.files import read_json
 from tests.cases import cases
 
+pytestmark = pytest.mark.slow  # in a browser
+
 POLICIES = ("chirp", "rate_square", "zero", "generalist")
 
 
