@@ -218,14 +218,15 @@ def test_a_wheel_at_its_speed_limit_is_reported():
 
 
 def test_relative_error_and_nees_by_their_definitions():
-    env = SatInertiaIDEnv(estimator=MomentumEKF())
+    estimator = MomentumEKF()
+    env = SatInertiaIDEnv(estimator=estimator)
     env.reset(seed=0)
     for *_, info in fly(env, actions(20)):
         truth, estimate = info["inertia_true"], info["inertia_estimate"]
         error = np.linalg.norm(estimate - truth) / np.linalg.norm(truth)
         assert info["relative_error"] == pytest.approx(error, rel=1e-12)
         e = np.diag(estimate - truth)
-        covariance = env._plugin.estimator.covariance[3:6, 3:6]
+        covariance = estimator.covariance[3:6, 3:6]
     assert info["nees"] == pytest.approx(e @ np.linalg.solve(covariance, e) / 3.0, rel=1e-9)
 
 
