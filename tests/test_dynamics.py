@@ -218,7 +218,7 @@ def kinetic_energy(satellite: Satellite, flight: Trajectory) -> np.ndarray:
 # What mechanics promises
 
 
-@pytest.mark.parametrize("mode", LAWS)
+@cases("mode", LAWS)
 @pytest.mark.parametrize("name", [*SATELLITES, "pyramid"])
 @pytest.mark.compiled
 def test_momentum_is_conserved_while_wheels_saturate(name, mode, pyramid):
@@ -382,8 +382,8 @@ def test_turning_the_body_frame_changes_nothing(mode, last_speed, tolerance, ske
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-@pytest.mark.parametrize("disturbance", [NO_TORQUE, ALL_TORQUES], ids=["torque_free", "disturbed"])
-@pytest.mark.parametrize("name", ["microsat", "pyramid"])
+@cases("disturbance", [NO_TORQUE, ALL_TORQUES])
+@cases("name", ["microsat", "pyramid"])
 @pytest.mark.compiled
 def test_equals_the_textbook(name, disturbance, law, request):
     satellite = request.getfixturevalue(name)
@@ -401,7 +401,7 @@ def test_equals_the_textbook(name, disturbance, law, request):
 
 
 @pytest.mark.parametrize("mode", ["static", "drift", "periodic", "factors", "tensors"])
-@pytest.mark.parametrize("name", ["microsat", "pyramid"])
+@cases("name", ["microsat", "pyramid"])
 @pytest.mark.compiled
 def test_equals_the_textbook_while_wheels_saturate(name, mode, request):
     """Into the limit with full torque, coasting there with none, gently back, and out again."""
