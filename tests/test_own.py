@@ -157,6 +157,7 @@ def test_plain_values_of_a_law_are_a_file_of_it(folder):
     ],
 )
 def test_what_is_wrong_in_a_file_is_said_with_its_name_and_key(folder, file, text, words):
+    (folder / file).unlink(missing_ok=True)
     if text is not None:
         (folder / file).write_text(text)
     with pytest.raises(ValueError, match=r"^Satellite x\.") as error:

@@ -95,6 +95,7 @@ def test_figures_of_the_same_episodes_are_shown_with_their_revision(tmp_path, pl
     ],
 )
 def test_figures_of_other_episodes_are_never_shown(tmp_path, plain, full, change, said):
+    full = copy.deepcopy(full)
     change(full)
     shown, notes = found(tmp_path, full, plain)
     assert not shown
