@@ -16,7 +16,7 @@ from satid_gym.core.random import uniform
 from satid_gym.core.records import Autoreset
 from satid_gym.core.reward import reward, saturated_share, uncertainty_nats
 from satid_gym.core.truth import faults
-from satid_gym.core.truth.disturbance import external_torque
+from satid_gym.core.truth.disturbance import external_torque, orbit_phase
 from satid_gym.core.truth.draw import draw_plant
 from satid_gym.core.truth.dynamics import spin_momentum
 from satid_gym.core.truth.inertia_law import inertia_at
@@ -146,7 +146,7 @@ def log_sample(log, plant, belief):
     log.attitude[:], log.gyro[:], log.tachometer[:] = plant.attitude, plant.gyro, plant.tachometer
     inertia = inertia_at(plant, plant.time)
     store_symmetric(log.inertia, inertia)
-    store(log.torque, external_torque(plant, plant.time, load_state(plant)[1], inertia))
+    store(log.torque, external_torque(plant, orbit_phase(plant, plant.time), load_state(plant)[1], inertia))
     for a in range(log.theta.shape[0]):
         log.theta[a] = belief.mean[3 + a]
         for b in range(log.theta.shape[0]):

@@ -24,12 +24,19 @@ def to_body(q, v):
 
 
 @inline
-def external_torque(plant, t, q, inertia):
+def orbit_phase(plant, t):
+    """cos nt and sin nt of the orbit's angle."""
+    return np.cos(plant.orbit_rate * t), np.sin(plant.orbit_rate * t)
+
+
+@inline
+def external_torque(plant, phase, q, inertia):
     """Gravity gradient 3 n^2 r x J r, solar pressure, constant and orbit-periodic torque, body frame, N m.
 
-    The nadir r is the inertial (cos nt, sin nt, 0) seen from the body. Source: Hughes (1986), ch. 8.
+    The nadir r is the inertial (cos nt, sin nt, 0) seen from the body; `phase` is (cos nt, sin nt).
+    Source: Hughes (1986), ch. 8.
     """
-    cosine, sine = np.cos(plant.orbit_rate * t), np.sin(plant.orbit_rate * t)
+    cosine, sine = phase
     tau = axpy(cosine, load(plant.torque_cosine), load(plant.torque_constant))
     tau = axpy(sine, load(plant.torque_sine), tau)
     tau = add(tau, cross(load(plant.solar_offset), to_body(q, load(plant.solar_force))))

@@ -14,26 +14,35 @@ from __future__ import annotations
 
 from satid_gym.core.algebra import add, axpy, axpy_symmetric, cross, inverse, load, multiply, store, subtract
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.truth.disturbance import external_torque
+from satid_gym.core.truth.disturbance import external_torque, orbit_phase
 from satid_gym.core.truth.inertia_law import inertia_at
 from satid_gym.core.wheels import along_axis, sum_wheels, wheel_axis
 
 
+@inline
+def conditions(plant, free, t):
+    """What the derivative takes from the time alone: J(t), (J - A j A^T)^-1 and the orbit's phase.
+
+    `free` is A j A^T of the wheels that are not locked (symmetric), kg m^2.
+    """
+    inertia = inertia_at(plant, t)
+    return inertia, inverse(axpy_symmetric(-1.0, free, inertia)), orbit_phase(plant, t)
+
+
 @outline
-def derivative(plant, free, t, state, wheels):
-    """dM/dt and dq/dt of the state (M, q) at time t.
+def derivative(plant, at, state, wheels):
+    """dM/dt and dq/dt of the state (M, q).
 
     Args:
         plant: truth.
-        free: A j A^T of the wheels that are not locked (symmetric), kg m^2.
-        t: s.
+        at: `conditions` of the instant.
         state: see `satid_gym.core.truth.state`.
-        wheels: A h of the wheels at t, N m s.
+        wheels: A h of the wheels, N m s.
     """
     m, q = state
-    inertia = inertia_at(plant, t)
-    omega = rate_of(inertia, free, m, wheels)
-    torque = external_torque(plant, t, q, inertia)
+    inertia, J_inv, phase = at
+    omega = multiply(J_inv, subtract(m, wheels))
+    torque = external_torque(plant, phase, q, inertia)
     x, y, z = omega
     spin = (
         0.5 * (q[3] * x + q[1] * z - q[2] * y),

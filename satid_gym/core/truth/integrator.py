@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy, axpy_symmetric, dot, inverse, load, norm
+from satid_gym.core.algebra import axpy, axpy_symmetric, dot, inverse, load, multiply, norm, subtract
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.truth.dynamics import derivative, free_wheel_inertia, set_speeds, sum_free
+from satid_gym.core.truth.dynamics import conditions, derivative, free_wheel_inertia, set_speeds, sum_free
 from satid_gym.core.truth.inertia_law import inertia_at, law_turn, next_bend, take_step
 from satid_gym.core.truth.speed_limit import AT_LIMIT, hold_or_release, limit_speeds, overspeed, present_overspeed
 from satid_gym.core.truth.state import add_state, axpy_state, load_state, store_state
@@ -25,7 +25,9 @@ _TRIALS_MAX = 60  # of the search for the moment a wheel reaches its limit
 
 @outline
 def _rk4(plant, torque, h):
-    """State and A h after h seconds of constant motor torque, by the classical Runge-Kutta method, and error of |M|^2.
+    """State, A h and omega after h seconds of constant motor torque, by the classical Runge-Kutta method.
+
+    The fourth value is the error of |M|^2.
 
     M turns, and only torque from outside changes its size: d|M|^2/dt = 2 M . tau. What the method adds to its own
     quadrature of that is error, and its slopes m_i tell how much: |sum h b_i m_i|^2 - 2 h^2 sum b_i a_ij m_i . m_j.
@@ -36,14 +38,16 @@ def _rk4(plant, torque, h):
     start = sum_wheels(plant.axes, plant.wheel_momentum)
     push = sum_free(plant, torque)
     half, end = axpy(0.5 * h, push, start), axpy(h, push, start)
-    k1 = derivative(plant, free, t, x, start)
-    k2 = derivative(plant, free, t + 0.5 * h, axpy_state(0.5 * h, k1, x), half)
-    k3 = derivative(plant, free, t + 0.5 * h, axpy_state(0.5 * h, k2, x), half)
-    k4 = derivative(plant, free, t + h, axpy_state(h, k3, x), end)
+    middle, last = conditions(plant, free, t + 0.5 * h), conditions(plant, free, t + h)
+    k1 = derivative(plant, conditions(plant, free, t), x, start)
+    k2 = derivative(plant, middle, axpy_state(0.5 * h, k1, x), half)
+    k3 = derivative(plant, middle, axpy_state(0.5 * h, k2, x), half)
+    k4 = derivative(plant, last, axpy_state(h, k3, x), end)
     slope = axpy_state(2.0, add_state(k2, k3), add_state(k1, k4))
     m1, m2, m3, m4, k = k1[0], k2[0], k3[0], k4[0], h / 6.0
     error = k * k * dot(slope[0], slope[0]) - 2.0 * h * k * (dot(m1, m2) + dot(m2, m3) + dot(m3, m4))
-    return axpy_state(k, slope, x), end, abs(error)
+    state = axpy_state(k, slope, x)
+    return state, end, multiply(last[1], subtract(state[0], end)), abs(error)
 
 
 @inline
@@ -62,8 +66,8 @@ def _until_limit(plant, torque, h, over):
     last = 0
     for _ in range(_TRIALS_MAX):
         h = high - f_high * (high - low) / (f_high - f_low)
-        state, wheels, _error = _rk4(plant, torque, h)
-        f = overspeed(plant, torque, h, state[0], wheels)
+        _state, _wheels, omega, _error = _rk4(plant, torque, h)
+        f = overspeed(plant, torque, h, omega)
         if abs(f) <= 0.5 * AT_LIMIT:
             return h
         if f > 0.0:
@@ -93,17 +97,17 @@ def integrate(plant, torque, duration):
         stop = next_bend(plant, end)
         h = stop - plant.time
         while True:
-            state, wheels, error = _rk4(plant, torque, h)
+            state, wheels, omega, error = _rk4(plant, torque, h)
             if halvings >= _HALVINGS_MAX or _keeps_size(state[0], wheels, error):
                 break
             halvings += 1
             h *= 0.5
             stop = plant.time + h
-        over = overspeed(plant, torque, h, state[0], wheels)
+        over = overspeed(plant, torque, h, omega)
         if over > 0.5 * AT_LIMIT and events <= _EVENTS_MAX:
             h = _until_limit(plant, torque, h, over)
             stop = min(plant.time + h, end)
-            state, wheels, _error = _rk4(plant, torque, h)
+            state, wheels, omega, _error = _rk4(plant, torque, h)
             events += 1
         for k in range(torque.shape[0]):
             if plant.locked[k] == 0:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from satid_gym.core.algebra import add, axpy_symmetric, cross, inverse, load, multiply, subtract
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.truth.disturbance import external_torque
-from satid_gym.core.truth.dynamics import free_wheel_inertia, rate_of, set_speeds, spin_momentum, sum_free
+from satid_gym.core.truth.disturbance import external_torque, orbit_phase
+from satid_gym.core.truth.dynamics import free_wheel_inertia, set_speeds, spin_momentum, sum_free
 from satid_gym.core.truth.inertia_law import inertia_at, inertia_slope
 from satid_gym.core.truth.state import load_state
 from satid_gym.core.wheels import along_axis
@@ -36,7 +36,7 @@ def hold_or_release(plant, torque, stay):
     t, omega = plant.time, load(plant.rate)
     m, q = load_state(plant)
     inertia = inertia_at(plant, t)
-    tau = external_torque(plant, t, q, inertia)
+    tau = external_torque(plant, orbit_phase(plant, t), q, inertia)
     push = subtract(add(cross(m, omega), tau), sum_free(plant, torque))
     push = subtract(push, multiply(inertia_slope(plant, t), omega))
     acceleration = multiply(inverse(axpy_symmetric(-1.0, free_wheel_inertia(plant), inertia)), push)
@@ -51,9 +51,8 @@ def hold_or_release(plant, torque, stay):
 
 
 @inline
-def overspeed(plant, torque, h, m, wheels):
-    """How far beyond its limit the fastest free wheel is after h seconds, relative to its limit."""
-    omega = rate_of(inertia_at(plant, plant.time + h), free_wheel_inertia(plant), m, wheels)
+def overspeed(plant, torque, h, omega):
+    """How far beyond its limit the fastest free wheel is after h seconds, when the rate is omega, relative to it."""
     worst = -1.0
     for k in range(torque.shape[0]):
         if plant.locked[k] == 0:
