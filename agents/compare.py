@@ -1,10 +1,8 @@
 """Command: the benchmark; see `agents.benchmark.compare`."""
 
-import sys
-
 import agents.benchmark.blas  # noqa: F401  before numpy
 from agents.benchmark.compare import main
-from baselines.command.cli import ended
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

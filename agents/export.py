@@ -1,9 +1,7 @@
 """Command: export a policy to ONNX; see `agents.training.onnx_export`."""
 
-import sys
-
 from agents.training.onnx_export import main
-from baselines.command.cli import ended
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -1,9 +1,7 @@
 """Command: teach a network what model-predictive excitation would do; see `agents.training.imitation`."""
 
-import sys
-
 from agents.training.imitation import main
-from baselines.command.cli import ended
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -1,9 +1,7 @@
 """Command: write the README's tables; see `agents.docs.readme`."""
 
-import sys
-
 from agents.docs.readme import main
-from baselines.command.cli import ended
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -1,9 +1,7 @@
 """Command: a video of two policies side by side; see `agents.viewer.record`."""
 
-import sys
-
 from agents.viewer.record import main
-from baselines.command.cli import ended
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -1,9 +1,7 @@
-"""Command: make the report page again; see `agents.benchmark.report.__main__`."""
+"""Command: make the report page again; see `agents.benchmark.report.command`."""
 
-import sys
-
-from agents.benchmark.report.__main__ import main
-from baselines.command.cli import ended
+from agents.benchmark.report.command import main
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

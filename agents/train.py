@@ -1,9 +1,7 @@
-"""Command: train a policy with PPO; see `agents.training.ppo`."""
+"""Command: train a policy; see `agents.training.train`."""
 
-import sys
-
-from agents.training.ppo import main
-from baselines.command.cli import ended
+from agents.training.train import main
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -1,9 +1,7 @@
 """Command: acceptance of the learned policies; see `agents.benchmark.acceptance`."""
 
-import sys
-
 from agents.benchmark.acceptance import main
-from baselines.command.cli import ended
+from baselines.command import cli
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -1,9 +1,7 @@
 """Command: tune every baseline; see `baselines.tuning.amplitudes`."""
 
-import sys
-
-from baselines.command.cli import ended
+from baselines.command import cli
 from baselines.tuning.amplitudes import main
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -6,8 +6,7 @@ From the checkout: PYTHONPATH=. python examples/02_train_your_own_policy.py
 import torch
 from stable_baselines3 import PPO
 
-from agents.training.ppo import learned_policy
-from agents.training.settings import TrainSettings
+from agents.training.ppo import PPOSettings, learned_policy
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import make_baseline
 from satid_gym.sb3 import RateCommandVecEnv
@@ -15,7 +14,7 @@ from satid_gym.sb3 import RateCommandVecEnv
 torch.set_num_threads(1)  # the network is small: a second thread only takes cores from the environments
 
 # The network commands body rates; the rate loop turns them into torque. What is paid for is information held.
-settings = TrainSettings(name="mine", satellite="microsat", margin=2.6)
+settings = PPOSettings(name="mine", satellite="microsat", margin=2.6)
 env = RateCommandVecEnv(
     64,
     margin=settings.margin,

@@ -7,7 +7,7 @@ from agents.benchmark.acceptance import missing
 from agents.benchmark.compare import Comparison
 from agents.benchmark.evaluate import Evaluation
 from agents.docs import tables
-from agents.training.settings import TrainSettings
+from agents.training.ppo import PPOSettings
 from baselines.tuning.amplitudes import Tuning
 from baselines.tuning.open_loop_design import Design
 from satid_gym import SATELLITES, Satellite, SatInertiaIDEnv, SatInertiaIDVectorEnv
@@ -39,7 +39,7 @@ def draws():
 
 
 def pool():
-    return [satellite.to_dict() for satellite in TrainSettings().pool()]
+    return [satellite.to_dict() for satellite in PPOSettings().pool()]
 
 
 def cells():

@@ -13,7 +13,7 @@ from agents.benchmark import compare
 from agents.benchmark.summary import tables
 from agents.benchmark.summary.statistics import pair, record
 from baselines.command import provenance
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym import files
 from tests.cases import cases
 
@@ -37,7 +37,7 @@ def call(line):
     """Exit code and standard output of `python -m agents.compare LINE`."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as output:
         patch.setattr(sys, "argv", ["compare", *line.split()])
-        code = ended(compare.main)
+        code = exit_code(compare.main)
     return code, output.getvalue()
 
 

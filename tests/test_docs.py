@@ -23,7 +23,7 @@ import satid_gym
 import satid_gym.estimators
 from agents.docs import tables
 from agents.docs.readme import ROOT
-from agents.training.settings import TrainSettings
+from agents.training.ppo import PPOSettings
 from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.gym_api import INFO_KEYS, RESET_OPTIONS
 from satid_gym.problem import problem
@@ -136,7 +136,7 @@ def has_options(module):
     if spec.submodule_search_locations:
         spec = importlib.util.find_spec(f"{module}.__main__")
     text = (ROOT / spec.origin).read_text()
-    return re.search(r"tyro\.cli\(|ArgumentParser\(|\.main\(|import main$", text, flags=re.M) is not None
+    return re.search(r"cli\.run\(|ArgumentParser\(", text, flags=re.M) is not None
 
 
 def extras(requirement):
@@ -173,7 +173,7 @@ def check_command(words, folder, monkeypatch):
             if "--resume" in arguments:
                 run = folder / arguments[arguments.index("--run") + 1]
                 run.mkdir(parents=True)
-                (run / "run.json").write_text(json.dumps({"settings": TrainSettings().to_dict()}))
+                (run / "run.json").write_text(json.dumps({"settings": PPOSettings().to_dict()}))
             with pytest.raises(ParsedError):
                 parse(module, arguments, monkeypatch)
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from agents.training import imitation
-from agents.training.settings import ImitationSettings
+from agents.training.imitation import ImitationSettings
+from agents.training.run import Run
+from agents.training.teacher import teach
+from baselines.command.cli import exit_code
 from satid_gym import SATELLITES
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies.learned import LearnedPolicy
@@ -34,7 +38,13 @@ SIZE = max(place.stop for place in LAYOUT.values())
 
 
 def run(folder: Path, *, resume: bool = False, settings: ImitationSettings = SMALL) -> None:
-    imitation.Imitation(settings, folder, resume=resume, command="test").learn()
+    imitation.train(Run(settings, folder, resume=resume, module="test"))
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Exit code of `python -m agents.imitate`."""
+    monkeypatch.setattr(sys, "argv", ["imitate", *arguments])
+    return exit_code(imitation.main)
 
 
 @pytest.fixture(scope="module")
@@ -66,40 +76,38 @@ def test_the_run_folder_tells_how_it_came_about(finished):
     policy = LearnedPolicy.load(finished / "policy")
     assert policy.include_covariance
     assert ImitationSettings.from_dict(policy.details["trained"]["settings"]) == SMALL
-    assert (finished / "curve.csv").read_text().splitlines()[0] == ",".join(imitation.CURVE_FIELDS)
+    assert (finished / "curve.csv").read_text().startswith("round,decisions,seconds,satellite,")
 
 
-def test_folders_in_use_or_without_a_run_are_refused(finished, tmp_path, capsys):
+def test_folders_in_use_or_without_a_run_are_refused(finished, tmp_path, monkeypatch, capsys):
     with pytest.raises(ValueError, match="add --resume"):
         run(finished)
     for arguments, words in (
         (["--run", str(tmp_path), "--resume"], "holds no run to resume"),
         (["--run", str(finished), "--resume", "--rounds", "4"], "nothing else"),
     ):
-        with pytest.raises(SystemExit) as end:
-            imitation.main(arguments)
-        assert words in str(end.value)
+        assert command(monkeypatch, *arguments) == 2
+        assert words in capsys.readouterr().err
 
 
-def test_a_finished_run_is_left_as_it_is(finished, tmp_path, capsys):
+def test_a_finished_run_is_left_as_it_is(finished, tmp_path, monkeypatch, capsys):
     folder = shutil.copytree(finished, tmp_path / "copy")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    imitation.main(["--run", f"{folder}/", "--resume"])
+    assert command(monkeypatch, "--run", f"{folder}/", "--resume") == 0
     assert "has had its 3 rounds already" in capsys.readouterr().out
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_a_damaged_round_is_refused_and_without_it_the_run_goes_on(finished, tmp_path):
+def test_a_damaged_round_is_refused_and_without_it_the_run_goes_on(finished, tmp_path, monkeypatch, capsys):
     folder = shutil.copytree(finished, tmp_path / "copy")
     damaged = folder / "round-01.npz"
     content = bytearray(damaged.read_bytes())
     content[len(content) // 2] ^= 1
     damaged.write_bytes(content)
-    with pytest.raises(SystemExit) as end:
-        imitation.main(["--run", str(folder), "--resume"])
-    assert "round-01.npz is damaged" in str(end.value)
+    assert command(monkeypatch, "--run", str(folder), "--resume") == 2
+    assert "round-01.npz is damaged" in capsys.readouterr().err
     damaged.unlink()  # the round after it is flown anew as well
-    imitation.main(["--run", str(folder), "--resume"])
+    assert command(monkeypatch, "--run", str(folder), "--resume") == 0
     for name in ("policy.safetensors", "round-01.npz", "round-02.npz"):
         assert (folder / name).read_bytes() == (finished / name).read_bytes()
 
@@ -111,7 +119,7 @@ def test_the_teacher_says_what_it_flies(mode: str, walk: float) -> None:
     Few of its sides are worth less than their opposites: the search has not tried everything.
     """
     settings = ImitationSettings(episodes=2, inertia=mode)
-    observations, advantages = imitation.teach(None, SATELLITES["smallsat"], settings, 40)
+    observations, advantages = teach(None, SATELLITES["smallsat"], settings, 40)
 
     class Listening(MPCPolicy):
         include_covariance = True
@@ -137,7 +145,7 @@ def test_a_network_flies_what_the_teacher_does_not() -> None:
             return np.zeros((len(observation), 3))
 
     settings = ImitationSettings(episodes=8, edits=1, taught=0.4)
-    observations, advantages = imitation.teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
+    observations, advantages = teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
     rates = np.abs(observations.reshape(4, -1, 2, SIZE)[:, 50:, :, LAYOUT["rate"]]).mean(axis=(1, 3)).ravel()
     assert sorted(set(np.where(rates < 0.2, "network", np.where(rates > 0.6, "teacher", "neither")))) == [
         "network",

@@ -12,7 +12,8 @@ import time
 import pytest
 
 from agents.docs import readme
-from agents.training import ppo
+from agents.training import train
+from baselines.command.cli import exit_code
 from satid_gym.files import DamagedFileError, check_writable, read_json, write_bytes
 from tests.cases import cases
 from tests.qa.interruption import (
@@ -34,13 +35,17 @@ pytestmark = pytest.mark.slow  # trains in processes of its own and stops them
 SHORT = Interruptions(steps=24_000, every=3_200)
 
 
-def refused(arguments, capsys):
-    """The one line that a training ends with at once."""
-    with pytest.raises(SystemExit) as end:
-        ppo.main(arguments)
-    assert end.value.code != 0
-    line = end.value.code if isinstance(end.value.code, str) else capsys.readouterr().err.strip()
-    assert "\n" not in line
+@pytest.fixture
+def refused(monkeypatch, capsys):
+    """The one line that a training with given arguments ends with at once."""
+
+    def line(arguments):
+        monkeypatch.setattr(sys, "argv", ["train", *arguments])
+        assert exit_code(train.main) == 2
+        errors = capsys.readouterr().err
+        assert errors.count("\n") == 1
+        return errors
+
     return line
 
 
@@ -103,11 +108,11 @@ def test_a_full_disk_ends_a_run_with_a_line_and_it_goes_on_when_there_is_room(wh
     assert differences(whole, run) == []
 
 
-@cases("folder", ["/dev/null/run", "/proc/run", "file/run", "file"])
-def test_folders_that_cannot_be_written_are_one_line(tmp_path, folder, capsys):
+@pytest.mark.parametrize("folder", ["/dev/null/run", "/proc/run", "file/run", "file"])
+def test_folders_that_cannot_be_written_are_one_line(tmp_path, folder, refused):
     (tmp_path / "file").write_text("in the way")
     run = tmp_path / folder
-    assert str(run).removesuffix("/run") in refused(training(SHORT, run)[2:], capsys)
+    assert str(run).removesuffix("/run") in refused(training(SHORT, run)[2:])
 
 
 @cases(
@@ -116,15 +121,15 @@ def test_folders_that_cannot_be_written_are_one_line(tmp_path, folder, capsys):
         ("", "is not JSON"),
         ('{"settings": {"steps"', "is not JSON"),
         ('{"settings": {"steps": "many"}}', "holds no settings"),
-        ('{"settings": [1]}', "unknown training setting 1"),
+        ('{"settings": [1]}', "must be a mapping of names to values, got [1]"),
         ("[1]", "holds no settings"),
         ('{"settings": {"steps": 100}}', "is of another version, without ['batch_size'"),
         ("[" * 100_000, "is not JSON"),
     ],
 )
-def test_damaged_settings_of_a_run_are_one_line(tmp_path, settings, message, capsys):
+def test_damaged_settings_of_a_run_are_one_line(tmp_path, settings, message, refused):
     (tmp_path / "run.json").write_text(settings)
-    assert message in refused(["--run", str(tmp_path), "--resume"], capsys)
+    assert message in refused(["--run", str(tmp_path), "--resume"])
 
 
 def test_an_unwritable_output_is_known_before_the_work(tmp_path):
@@ -132,7 +137,7 @@ def test_an_unwritable_output_is_known_before_the_work(tmp_path):
     line = [sys.executable, "-m", "agents.compare", "--output", str(tmp_path / "file")]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
-    assert done.stderr == f"error: {tmp_path / 'file'}: File exists; nothing of the old is lost\n"
+    assert done.stderr == f"error: {tmp_path / 'file'}: File exists; existing files are unchanged\n"
     with pytest.raises(OSError, match="Not a directory"):
         check_writable(tmp_path / "file" / "below")
 
@@ -142,9 +147,9 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
     write_bytes(path, b"old")
     code = f"""
 from pathlib import Path
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym.files import write_bytes
-raise SystemExit(ended(lambda: write_bytes(Path({str(path)!r}), b"new" * 1000)))
+raise SystemExit(exit_code(lambda: write_bytes(Path({str(path)!r}), b"new" * 1000)))
 """
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, preexec_fn=full_after(1000), capture_output=True, text=True
@@ -172,7 +177,7 @@ def test_an_interrupted_comparison_leaves_the_old_files(tmp_path):
     assert process.returncode == 130
     assert time.perf_counter() - began < PROMPT
     assert "Traceback" not in errors
-    assert errors.splitlines()[-1] == "stopped; what was there before is untouched"
+    assert errors.splitlines()[-1] == "stopped; existing files are unchanged"
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"compare.json": "old"}
 
 

@@ -26,9 +26,6 @@ LINES_MAX, MODULES_MAX, ARGUMENTS_MAX = 250, 10, 8
 LONGER = {  # files of more than 250 lines, and why
     "satid_gym/env.py": "the docstring is the environment's specification",
     "satid_gym/vector.py": "likewise, and reset and step in every mode of autoreset",
-    "agents/training/ppo.py": "a training run reads from top to bottom in one file",
-    "agents/training/imitation.py": "likewise",
-    "agents/training/settings.py": "a docstring for each setting of each kind of training",
     "agents/benchmark/acceptance.py": "claim by claim, each with its measure and its text",
     "agents/benchmark/entrants.py": "names, files and modules, with a message for each way to be wrong",
     "baselines/tuning/amplitudes.py": "search, files and tables of one command",

@@ -22,23 +22,25 @@ SIZE = 37
 WHOLE = 70  # with the filter's whole covariance
 
 
-def network(seed: int = 0, outputs: int = 3, scale: float = 0.3, inputs: int = SIZE) -> Network:
+def network(seed: int = 0, outputs: int = 3, scale: float = 0.3, inputs: int = SIZE, **choices) -> Network:
     rng = np.random.default_rng(seed)
     sizes = [inputs, 16, 8, outputs]
     weights = tuple((scale * rng.standard_normal((b, a))).astype(np.float32) for a, b in pairwise(sizes))
-    return Network(weights, tuple(rng.standard_normal(b).astype(np.float32) for b in sizes[1:]))
+    return Network(weights, tuple(rng.standard_normal(b).astype(np.float32) for b in sizes[1:]), **choices)
 
 
-def test_the_network_is_the_one_torch_computes():
-    net = network()
+@pytest.mark.parametrize("choices", [{}, {"activation": "relu"}, {"activation": "relu", "squashed": True}])
+def test_the_network_is_the_one_torch_computes(choices):
+    net = network(**choices)
     observations = np.random.default_rng(1).uniform(-10, 10, (50, SIZE)).astype(np.float32)
     with torch.no_grad():
         expected = torch_network(net)(torch.from_numpy(observations).double()).numpy()
     np.testing.assert_allclose(np.clip(net(observations), -1, 1), expected, atol=1e-12)
 
 
-def test_a_saved_policy_acts_the_same(tmp_path):
-    policy = LearnedPolicy("one", network(), "rate", 2.4, details={"note": "kept"})
+@pytest.mark.parametrize("choices", [{}, {"activation": "relu", "squashed": True}])
+def test_a_saved_policy_acts_the_same(tmp_path, choices):
+    policy = LearnedPolicy("one", network(**choices), "rate", 2.4, details={"note": "kept"})
     policy.save(tmp_path / "one")
     again = find(str(tmp_path / "one"))
     observation = np.random.default_rng(2).uniform(-1, 1, (4, SIZE)).astype(np.float32)
@@ -152,8 +154,9 @@ def test_networks_that_do_not_fit_or_are_not_finite_are_refused():
         Network.from_tensors({"weight.0": tensors["weight.0"]})
 
 
-def test_the_exported_network_equals_torch(tmp_path):
-    policy = LearnedPolicy("x", network(scale=2.0), "rate", 2.4)
+@pytest.mark.parametrize("choices", [{}, {"activation": "relu", "squashed": True}])
+def test_the_exported_network_equals_torch(tmp_path, choices):
+    policy = LearnedPolicy("x", network(scale=2.0, **choices), "rate", 2.4)
     difference, seconds = export(policy, tmp_path / "x.onnx")
     assert difference <= TOLERANCE
     assert 0.0 < seconds < 0.1

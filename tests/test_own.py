@@ -15,11 +15,12 @@ import pytest
 
 import satid_gym
 from agents.benchmark import compare, evaluate
-from agents.training import imitation, ppo
-from agents.training.settings import ImitationSettings, TrainSettings
+from agents.training import imitation, train
+from agents.training.imitation import ImitationSettings
+from agents.training.ppo import PPOSettings
 from agents.viewer import record
 from agents.viewer.rollout import Pairing
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from baselines.tuning import amplitudes, open_loop_design
 from satid_gym import SATELLITES, SCENARIOS, InertiaLaw, Satellite
 from satid_gym.evaluation import benchmark_scenario
@@ -79,7 +80,7 @@ def call(module, line):
         contextlib.redirect_stderr(errors),
     ):
         patch.setattr(sys, "argv", ["command", *line.split()])
-        code = ended(module.main)
+        code = exit_code(module.main)
     return code, output.getvalue(), errors.getvalue()
 
 
@@ -433,7 +434,7 @@ def test_a_pairing_flies_ones_own():
     assert pairing.title == "scout, fuel inertia"
 
 
-@pytest.mark.parametrize("kind", [TrainSettings, ImitationSettings])
+@pytest.mark.parametrize("kind", [PPOSettings, ImitationSettings])
 def test_a_run_keeps_what_it_was_started_with(kind, folder):
     settings = kind(satellite="scout.toml", inertia="fuel.csv", scenario="brief.json")
     kept = json.loads(json.dumps(settings.to_dict()))
@@ -452,11 +453,11 @@ def test_training_on_ones_own_goes_on_though_the_file_has_changed(folder):
         "--satellite scout.toml --inertia fuel.csv --scenario brief.json --num-envs 4 --rollout 10 --batch-size 40 "
         "--evaluation-episodes 2 --evaluate-every 40 --run runs/mine"
     )
-    ppo.main([*line.split(), "--steps", "40"])
+    assert call(train, f"{line} --steps 40")[0] == 0
     head = json.loads((folder / "runs" / "mine" / "run.json").read_text())
     assert head["settings"]["satellite"]["name"] == "scout"
     (folder / "scout.toml").write_text("changed")
-    ppo.main(["--run", "runs/mine", "--resume"])
+    assert call(train, "--run runs/mine --resume")[0] == 0
     trained = find("runs/mine").details["trained"]["settings"]
     assert trained["satellite"] == head["settings"]["satellite"]
     assert str(folder) not in (folder / "runs" / "mine" / "run.json").read_text()
@@ -464,6 +465,7 @@ def test_training_on_ones_own_goes_on_though_the_file_has_changed(folder):
 
 def test_training_refuses_a_satellite_with_the_name_of_another(folder):
     (folder / "microsat.toml").write_text(SCOUT)
-    for command in (ppo, imitation):
-        with pytest.raises(SystemExit, match="'microsat' is the name of another satellite"):
-            command.main(["--satellite", "microsat.toml"])
+    for command in (train, imitation):
+        code, _, errors = call(command, "--satellite microsat.toml")
+        assert code == 2
+        assert "'microsat' is the name of another satellite" in errors

@@ -12,7 +12,7 @@ from PIL import Image
 
 from agents.viewer import record, video
 from agents.viewer.rollout import Pairing, Rollout
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -37,7 +37,7 @@ class FullTorque:
 
 def run(monkeypatch, *arguments: str) -> int:
     monkeypatch.setattr(sys, "argv", ["record", *arguments])
-    return ended(record.main)
+    return exit_code(record.main)
 
 
 def decode(path: Path) -> list[np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.benchmark import compare
-from agents.benchmark.report import __main__ as report
+from agents.benchmark.report import command as report
 from agents.benchmark.report.curves import error_bands, rounded
 from agents.benchmark.report.episode import episode_cell, fly_episode, shown_policies
 from agents.benchmark.report.leaderboard import ALL_MODES, leaderboard
@@ -18,6 +18,7 @@ from agents.benchmark.report.looks import place
 from agents.benchmark.report.page import first_shown, page, page_data, rebuild
 from agents.docs import readme
 from baselines import BASELINES, make_baseline
+from baselines.command.cli import exit_code
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.files import read_json
 from tests.cases import cases
@@ -31,7 +32,7 @@ def call(module, line):
     """Exit code and standard output of a command line."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as output:
         patch.setattr(sys, "argv", [module.__name__, *line.split()])
-        code = module.main()
+        code = exit_code(module.main)
     return code, output.getvalue()
 
 

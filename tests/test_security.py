@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from agents.training import checkpoint
-from agents.training.settings import TrainSettings
+from agents.training.ppo import PPOSettings
+from agents.training.sb3 import checkpoint
 from satid_gym.policies.learned import FILE_SIZE_MAX, LearnedPolicy, Network
 from satid_gym.policies.shipped import PRETRAINED, names
 from tests.cases import case
@@ -203,4 +203,4 @@ def test_shipped_policies_have_a_checksum():
 
 def test_runs_are_not_named_after_folders():
     with pytest.raises(ValueError, match="a policy's name is up to 64"):
-        TrainSettings(name="../elsewhere")
+        PPOSettings(name="../elsewhere")

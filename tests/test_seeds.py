@@ -9,7 +9,8 @@ import pytest
 from gymnasium.utils import seeding
 
 from agents.training import ppo
-from agents.training.settings import TrainSettings
+from agents.training.ppo import PPOSettings
+from agents.training.run import Run
 from baselines.tuning import amplitudes
 from satid_gym import SATELLITES, SatInertiaIDVectorEnv
 from satid_gym.evaluation import FIRST_SEED, SPLIT_SIZE, seeds
@@ -55,10 +56,8 @@ def test_splits_are_disjoint_and_cover_what_the_vector_draws(drawn):
 
 
 def trained(tmp_path, seed: int) -> None:
-    settings = TrainSettings.from_dict({**TINY, "seed": seed})
-    run = ppo.Run(settings, tmp_path / str(seed), resume=False, command="test")
-    run.learn()
-    run.env.close()
+    settings = PPOSettings.from_dict({**TINY, "seed": seed})
+    ppo.train(Run(settings, tmp_path / str(seed), resume=False, module="test"))
 
 
 def test_training_draws_training_seeds_and_judges_itself_on_validation_seeds(drawn, tmp_path):

@@ -10,9 +10,12 @@ import pytest
 import torch
 
 from agents.training import ppo, select
-from agents.training.settings import TrainSettings, named
+from agents.training.ppo import PPOSettings
+from agents.training.run import Run, merit, validate
+from agents.training.sb3.loop import environment
+from agents.training.train import main, named
 from baselines import tuned_entry
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym import RewardSettings
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.profiles import PROFILES
@@ -34,23 +37,21 @@ SMALL = {
 
 def run(folder, steps, *, resume=False):
     # the schedule of the learning rate belongs to the whole run, so a stop is made by raising after an update
-    settings = TrainSettings.from_dict({**SMALL, "steps": 640})
-    task = ppo.Run(settings, folder, resume=resume, command="test")
+    settings = PPOSettings.from_dict({**SMALL, "steps": 640})
+    task = Run(settings, folder, resume=resume, module="test")
     if steps < 640:
-        after = task._after_update
+        save = task.save
 
-        def stop():
-            after()
-            if task.model.num_timesteps >= steps:
+        def stop(model, env, **notes):
+            save(model, env, **notes)
+            if model.num_timesteps >= steps:
                 raise KeyboardInterrupt
 
-        task.model.after_update = stop
+        task.save = stop
         with pytest.raises(KeyboardInterrupt):
-            task.learn()
-    else:
-        task.learn()
-    task.env.close()
-    return {k: v.clone() for k, v in task.model.policy.state_dict().items()}
+            ppo.train(task)
+        return None
+    return {k: v.clone() for k, v in ppo.train(task).policy.state_dict().items()}
 
 
 @pytest.fixture(scope="module")
@@ -64,31 +65,28 @@ def finished(tmp_path_factory):
 def test_the_wheels_speed_limit_is_not_lowered_twice(module, tmp_path, monkeypatch, capsys):
     """Scenario "tight" lowers it to a tenth, and so does a factor of the training settings."""
     name, *options = module.split()
-    command = importlib.import_module(f"agents.{name}")
-    monkeypatch.setattr(getattr(command, {"train": "Run", "imitate": "Imitation"}[name]), "learn", lambda run: None)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [name, *options, "--scenario", "tight"])
-    with pytest.raises(SystemExit) as end:
-        sys.exit(ended(command.main))
-    said = str(end.value.code) + capsys.readouterr().err
+    assert exit_code(importlib.import_module(f"agents.{name}").main) == 2
+    said = capsys.readouterr().err
     assert "multiplies the wheels' speed limit by 0.1 already" in said
     assert "it would be 0.1, 0.01 of nominal; add --wheel-scales 1" in said
     assert not list(tmp_path.iterdir())
 
 
 def test_a_scenario_with_slow_wheels_is_trained_in_by_itself():
-    settings = TrainSettings(scenario="tight", wheel_scales=(1.0,))
+    settings = PPOSettings(scenario="tight", wheel_scales=(1.0,))
     (nominal,) = {s.wheels.max_speed[0] for s in settings.pool() if s.name == "microsat"}
     assert nominal == 900.0  # the scenario makes it 90
 
 
-def test_training_starts_staggered(tmp_path):
-    task = ppo.Run(TrainSettings.from_dict(SMALL), tmp_path, resume=False, command="test")
-    task.env.reset()
-    ends = [task.env.step(np.zeros((16, 3), np.float32))[2].sum() for _ in range(300)]
+def test_training_starts_staggered():
+    env = environment(PPOSettings.from_dict(SMALL))
+    env.reset()
+    ends = [env.step(np.zeros((16, 3), np.float32))[2].sum() for _ in range(300)]
     assert max(ends) == 1
     assert sum(ends) == 16
-    task.env.close()
+    env.close()
 
 
 @pytest.fixture
@@ -110,8 +108,8 @@ def test_a_stopped_run_resumes_with_the_same_result(finished, tmp_path):
 
 def test_the_run_folder_tells_how_it_came_about(copy):
     head = json.loads((copy / "run.json").read_text())
-    assert TrainSettings.from_dict(head["settings"]) == TrainSettings.from_dict({**SMALL, "steps": 640})
-    assert head["command"] == "test"
+    assert PPOSettings.from_dict(head["settings"]) == PPOSettings.from_dict({**SMALL, "steps": 640})
+    assert head["command"].startswith("python -m test")
     assert "torch" in head["versions"]
     policy = LearnedPolicy.load(copy / "policy")
     assert policy.details["trained"]["settings"]["hidden"] == [8]
@@ -152,29 +150,30 @@ def test_two_damaged_checkpoints_are_refused(copy):
 
 def test_settings_are_checked():
     with pytest.raises(ValueError, match="batch_size must divide"):
-        TrainSettings(batch_size=7)
+        PPOSettings(batch_size=7)
     with pytest.raises(ValueError, match="unknown satellite 'cube'"):
-        TrainSettings(satellite="cube")
-    with pytest.raises(ValueError, match=r"unknown training setting 'step'.*'steps'"):
-        TrainSettings.from_dict({"step": 1})
+        PPOSettings(satellite="cube")
+    with pytest.raises(ValueError, match=r"unknown setting of PPOSettings 'step'.*'steps'"):
+        PPOSettings.from_dict({"step": 1})
     with pytest.raises(ValueError, match="unknown training settings"):
         named("nothing")
     assert named("ppo").wheel_scales == (1.0, 0.1)
 
 
 @pytest.mark.parametrize("arguments", [["--satellite", "moon"], ["--resume"], ["--settings", "none"]])
-def test_the_command_line_ends_with_one_line(arguments):
-    with pytest.raises(SystemExit) as error:
-        ppo.main(arguments)
-    assert str(error.value).startswith("agents.train: ")
-    assert "\n" not in str(error.value)
+def test_the_command_line_ends_with_one_line(arguments, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["train", *arguments])
+    assert exit_code(main) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("error: ")
+    assert errors.count("\n") == 1
 
 
 def test_better_policies_have_lower_merit():
     row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005, "saturated_fraction": 0.0}
-    assert ppo.merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
-    assert ppo.merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * ppo.merit([row]))
-    assert ppo.merit([{**row, "saturated_fraction": 0.02}]) == pytest.approx(2 * ppo.merit([row]))
+    assert merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
+    assert merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * merit([row]))
+    assert merit([{**row, "saturated_fraction": 0.02}]) == pytest.approx(2 * merit([row]))
 
 
 def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp_path, monkeypatch, capsys):
@@ -188,21 +187,21 @@ def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp
     monkeypatch.setattr(select, "PRETRAINED", shipped)
     arguments = ["choose", str(finished[0]), str(copy), "--ship", "--margin", "3.1", "--episodes", "6"]
     monkeypatch.setattr("sys.argv", arguments)
-    assert select.main() == 0
+    assert exit_code(select.main) == 0
     assert f"best by final and mean error: {copy}" in capsys.readouterr().out
     policy = LearnedPolicy.load(shipped / lively.name)
     assert policy.margin == 3.1
     assert policy.details["validation_episodes"] == 6
     head = json.loads((copy / "run.json").read_text())
     assert all(policy.details["trained"][name] == head[name] for name in ("command", "revision", "versions"))
-    expected = ppo.validate(policy, TrainSettings.from_dict(policy.details["trained"]["settings"]), 6)
+    expected = validate(policy, PPOSettings.from_dict(policy.details["trained"]["settings"]), 6)
     assert policy.details["validation"] == expected
 
 
 @pytest.mark.parametrize(("option", "message"), [(("--episodes", "0"), "episodes"), (("--margin", "-1"), "margin")])
 def test_a_choice_that_cannot_be_made_ends_with_one_line(copy, monkeypatch, capsys, option, message):
     monkeypatch.setattr("sys.argv", ["choose", str(copy), *option])
-    assert ended(select.main) == 2
+    assert exit_code(select.main) == 2
     assert message in capsys.readouterr().err
 
 
@@ -214,7 +213,7 @@ def test_a_policy_that_does_not_say_how_it_was_trained_is_not_chosen(copy, monke
     policy.details = details
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
-    assert ended(select.main) == 2
+    assert exit_code(select.main) == 2
     errors = capsys.readouterr().err
     assert errors.startswith(f"error: policy {policy.name} does not say how it was trained (")
     assert errors.count("\n") == 1
@@ -225,7 +224,7 @@ def test_runs_for_different_satellites_are_not_compared(copy, finished, monkeypa
     policy.details["trained"]["settings"]["satellite"] = "cubesat"
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(finished[0]), str(copy)])
-    assert ended(select.main) == 2
+    assert exit_code(select.main) == 2
     assert "different satellites" in capsys.readouterr().err
 
 
@@ -236,16 +235,15 @@ def test_an_error_of_flight_is_not_taken_for_one_of_training(copy, monkeypatch):
     monkeypatch.setattr(select, "validate", flight)
     monkeypatch.setattr("sys.argv", ["choose", str(copy)])
     with pytest.raises(ValueError, match=r"^of flight$"):
-        select.main()
+        exit_code(select.main)
 
 
 @pytest.mark.parametrize("control", ["rate", "torque"])
 def test_a_short_training_with_the_default_settings_ends_below_every_scripted_profile(control, tmp_path):
     """Half of the README's short training: it ended above doing nothing once."""
-    settings = TrainSettings(satellite="microsat", control=control, steps=100_000, evaluate_every=100_000)
-    task = ppo.Run(settings, tmp_path / "short", resume=False, command="test")
-    task.learn()
-    task.env.close()
+    settings = PPOSettings(satellite="microsat", control=control, steps=100_000, evaluate_every=100_000)
+    task = Run(settings, tmp_path / "short", resume=False, module="test")
+    ppo.train(task)
     before, after = task.curve[0]["final_error"], min(row["final_error"] for row in task.curve[1:])
     scripted = [tuned_entry(name, "microsat")["final_error"] for name in PROFILES]
     assert after < min(scripted)
@@ -253,4 +251,4 @@ def test_a_short_training_with_the_default_settings_ends_below_every_scripted_pr
 
 
 def test_the_rewards_zero_is_the_one_difference_of_training_from_the_default_reward():
-    assert TrainSettings().reward.replace(held_reference=0.0).to_dict() == RewardSettings().to_dict()
+    assert PPOSettings().reward.replace(held_reference=0.0).to_dict() == RewardSettings().to_dict()

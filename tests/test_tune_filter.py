@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from baselines.command.cli import exit_code
 from baselines.studies.recording import record
 from baselines.tuning import filter_sensitivity
 from satid_gym import metrics
@@ -53,7 +54,7 @@ def test_a_score_is_compared_cell_by_cell():
 def test_the_command_writes_every_variant_of_every_cell(tmp_path, monkeypatch, capsys):
     line = ["tune_filter.py", "--episodes", "1", "--satellites", "microsat", "--policies", "prbs"]
     monkeypatch.setattr("sys.argv", [*line, "--output", str(tmp_path / "study.json")])
-    assert filter_sensitivity.main() == 0
+    assert exit_code(filter_sensitivity.main) == 0
     records = json.loads((tmp_path / "study.json").read_text())["records"]
     assert len(records) == 4 * len(filter_sensitivity.variants())
     assert "log_q_drift 0.1" in capsys.readouterr().out

@@ -9,7 +9,7 @@ import pytest
 from agents.benchmark import acceptance
 from agents.benchmark.acceptance import CLOSED_LOOPS, UNSEEN, benchmark_claims, needed_efficiency, tight_claims
 from agents.docs.readme import RESULTS
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from satid_gym import SATELLITES
 from satid_gym.policies import BASELINES, make_baseline
 from satid_gym.profiles import PROFILES
@@ -136,7 +136,7 @@ def judge(folder, capsys, monkeypatch):
 
     monkeypatch.setattr(acceptance, "fly", flown)
     monkeypatch.setattr(sys, "argv", ["verdict", "--results", str(folder)])
-    code = ended(acceptance.main)
+    code = exit_code(acceptance.main)
     return code, capsys.readouterr().err
 
 

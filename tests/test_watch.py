@@ -18,7 +18,7 @@ from rich.console import Console
 from agents.viewer import watch
 from agents.viewer.dashboard import bar, dashboard, sparkline, summary
 from agents.viewer.rollout import Pairing
-from baselines.command.cli import ended
+from baselines.command.cli import exit_code
 from tests.cases import cases
 from tests.qa.interruption import heed_interrupts
 
@@ -144,7 +144,7 @@ def test_without_a_terminal_it_prints_lines(kind, monkeypatch):
 )
 def test_errors_are_said(monkeypatch, capsys, arguments, message):
     monkeypatch.setattr(sys, "argv", ["watch", *arguments])
-    assert ended(watch.main) == 2
+    assert exit_code(watch.main) == 2
     assert message in capsys.readouterr().err
 
 

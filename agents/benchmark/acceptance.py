@@ -8,19 +8,17 @@ lack a policy or a cell that a claim is about. With `--scenario NAME` the same o
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from scipy.spatial.transform import Rotation
 
 from agents.benchmark.results import file_names, read_results
 from agents.benchmark.summary.ranking import inside
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from baselines.tuning.amplitudes import tune
 from satid_gym import ReactionWheels, Satellite
 from satid_gym.config import check_names
@@ -254,7 +252,7 @@ REMEDY = "run python -m agents.compare --all (with --scenario NAME for that of a
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class AcceptanceCheck:
     """What to judge."""
 
     policies: tuple[str, ...] = ("generalist",)
@@ -267,27 +265,26 @@ class Options:
     """Episodes of each inertia mode on the unseen satellite, and of all modes on tilted wheels and on the pyramid."""
 
 
-def main() -> int:
+def main(acceptance: AcceptanceCheck) -> int:
     """Print every claim with its figures; the exit code."""
-    options = tyro.cli(Options, description=__doc__)
-    with refusal():
-        check_names("scenario", (options.scenario,), SCENARIOS)
-        check_names("learned policy", options.policies, names())
-    file, tight = (options.results / file_names(scenario)["results"] for scenario in (options.scenario, "tight"))
-    scripted = (*PROFILES, *options.policies)
-    results = _complete(file, options.scenario, (*scripted, *CLOSED_LOOPS), options.policies)
+    with cli.user_errors():
+        check_names("scenario", (acceptance.scenario,), SCENARIOS)
+        check_names("learned policy", acceptance.policies, names())
+    file, tight = (acceptance.results / file_names(scenario)["results"] for scenario in (acceptance.scenario, "tight"))
+    scripted = (*PROFILES, *acceptance.policies)
+    results = _complete(file, acceptance.scenario, (*scripted, *CLOSED_LOOPS), acceptance.policies)
     narrow = None
-    if options.scenario == "default" and tight.is_file():
-        narrow = _complete(tight, "tight", scripted, options.policies)
+    if acceptance.scenario == "default" and tight.is_file():
+        narrow = _complete(tight, "tight", scripted, acceptance.policies)
     records, held = results["records"], True
-    for policy in options.policies:
+    for policy in acceptance.policies:
         claims = benchmark_claims(results, policy)
         needed = {"": needed_efficiency(results, policy)} if results["efficiencies"] else {}
         if narrow is not None:
             claims += tight_claims(narrow, policy)
             needed["tight: "] = needed_efficiency(narrow, policy)
-        claims += unseen_claims(policy, options.episodes, options.scenario)
-        claims += geometry_claims(policy, options.episodes, options.scenario)
+        claims += unseen_claims(policy, acceptance.episodes, acceptance.scenario)
+        claims += geometry_claims(policy, acceptance.episodes, acceptance.scenario)
         for asked, found, holds in claims:
             print(f"{'holds' if holds else 'SHORT':5s}  {policy}: {asked}: {found}")
             held = held and holds
@@ -298,7 +295,3 @@ def main() -> int:
         for scenario, values in needed.items():
             print(f"note   {scenario}excitation efficiency that 1/3 would take, of 1: {_largest(values, 1.0)[0]}")
     return 0 if held else 1
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,9 +25,9 @@ from agents.benchmark.report import write_report
 from agents.benchmark.results import file_names
 from agents.benchmark.stored import candidates, find_stored, keep_planners, with_stored
 from agents.benchmark.summary.tables import print_comparison
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from baselines.command.options import ScenarioText
-from baselines.command.provenance import command, portable, revision, versions
+from baselines.command.provenance import portable, result_head
 from satid_gym.config import check_names
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
 from satid_gym.files import check_writable, write_json, write_text
@@ -111,11 +110,7 @@ def compare(comparison: Comparison, entrants: Entrants) -> dict[str, Any]:
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
     tables = fly_cells(entrants, chosen)
     results = {
-        "command": command("agents.compare"),
-        "settings": comparison.settings(entrants),
-        "revision": revision(),
-        "versions": versions(),
-        "seeds": {"split": comparison.seed_split, "first": chosen[0], "count": len(chosen)},
+        **result_head("agents.compare", comparison.settings(entrants), split=comparison.seed_split, seeds=chosen),
         "scenario": benchmark_scenario(entrants.scenario).to_dict(),
         "definitions": entrants.definitions(),
         "records": tables.records,
@@ -150,11 +145,10 @@ def write(results: Mapping[str, Any], folder: Path) -> list[Path]:
     return paths
 
 
-def main() -> int:
+def main(comparison: Comparison) -> int:
     """Run the comparison that the command line asks for; the exit code."""
-    comparison = tyro.cli(Comparison, description=__doc__)
     start = time.perf_counter()
-    with refusal():
+    with cli.user_errors():
         entrants = comparison.entrants()
     check_writable(comparison.output)
     results = compare(comparison, entrants)
@@ -187,7 +181,3 @@ def stored_lines(stored: Mapping[str, Any] | None) -> list[str]:
         return []
     made = f"(stored): not flown now, but of {stored['file']}, revision {stored['revision']}; --all flies these too"
     return [*([made] if stored["records"] else []), *stored["notes"]]
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

@@ -5,7 +5,6 @@ Validation seeds by default: the test seeds are for the comparison.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -14,7 +13,7 @@ import tyro
 from agents.benchmark.compare import Comparison, compare
 from agents.benchmark.entrants import Prepared, learned
 from agents.benchmark.summary.tables import print_comparison
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from baselines.command.options import ScenarioText
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.satellite import BENCHMARK_SATELLITES
@@ -54,10 +53,9 @@ class Evaluation:
         )
 
 
-def main() -> int:
+def main(evaluation: Evaluation) -> int:
     """Fly the policy and print its tables; the exit code."""
-    evaluation = tyro.cli(Evaluation, description=__doc__)
-    with refusal():
+    with cli.user_errors():
         learned(evaluation.policy)  # refuses a baseline
         comparison = evaluation.comparison
         entrants = comparison.entrants()
@@ -69,7 +67,3 @@ def main() -> int:
         f"scenario {entrants.scenario.name}",
     )
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-
-from baselines.command.cli import ended
+from baselines.command import cli
 from baselines.studies import faults
+from baselines.studies.faults import FaultStudy
 from satid_gym.policies.shipped import shipped
 
+
+def main(settings: FaultStudy) -> int:
+    """Run the study; the exit code."""
+    return faults.main(settings, shipped(), "agents.benchmark.faults")
+
+
 if __name__ == "__main__":
-    sys.exit(ended(lambda: faults.main(shipped(), "agents.benchmark.faults")))
+    cli.run(main)

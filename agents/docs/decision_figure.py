@@ -5,15 +5,12 @@ Writes docs/media/decision.svg.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
-
 from agents.docs.readme import ROOT
-from baselines.command.cli import ended
+from baselines.command import cli
 from satid_gym.files import check_writable
 
 _TRUTH, _BELIEF, _EDGE = "#fbe9d7", "#dcebf7", "#33404d"
@@ -126,9 +123,8 @@ def _turn(axes: Any, corners: list[tuple[float, float]]) -> None:
     _arrow(axes, corners[-2], corners[-1])
 
 
-def main() -> int:
+def main(figure: Figure) -> int:
     """Draw the figure that the command line asks for; the exit code."""
-    figure = tyro.cli(Figure, description=__doc__)
     check_writable(figure.output.parent)
     draw(figure.output)
     print(f"{figure.output} written")
@@ -136,4 +132,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

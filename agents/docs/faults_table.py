@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Annotated, Any
 import tyro
 
 from agents.docs.readme import RESULTS
-from baselines.command.cli import ended
+from baselines.command import cli
 from baselines.command.markdown import table
 from satid_gym.files import check_writable, read_json, write_text
 
@@ -85,9 +84,8 @@ def _number(text: str, factor: float) -> str:
     return f"{value:.0e}".replace("e+0", "e") if value >= 1e4 else f"{float(f'{value:.2g}'):g}"
 
 
-def main() -> int:
+def main(options: Conversion) -> int:
     """Convert the file that the command line names; the exit code."""
-    options = tyro.cli(Conversion, description=__doc__)
     check_writable(options.output.parent)
     results = read_json(options.results, "run python -m agents.benchmark.faults", keys=("records", "revision"))
     write_text(options.output, csv_text(results))
@@ -96,4 +94,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -5,18 +5,15 @@ Reads docs/results/compare.json and writes docs/media/limits.png.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
-
 from agents.benchmark.summary.ranking import cells, standings
 from agents.docs.readme import REMEDY, RESULTS, ROOT
 from agents.docs.results_tables import source
-from baselines.command.cli import ended
+from baselines.command import cli
 from baselines.command.markdown import table
 from satid_gym.files import check_writable, read_json
 
@@ -126,9 +123,8 @@ def _keys() -> list[Any]:
     ]
 
 
-def main() -> int:
+def main(figure: Figure) -> int:
     """Draw the figure that the command line asks for; the exit code."""
-    figure = tyro.cli(Figure, description=__doc__)
     check_writable(figure.output.parent)
     results = read_json(figure.results, REMEDY, keys=("records", "pairs", "bounds", "revision", "command"))
     draw(results, figure.output)
@@ -137,4 +133,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

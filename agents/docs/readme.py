@@ -7,14 +7,12 @@ docs/results`, `python -m baselines.timing --output docs/results/timing.json` an
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from agents.benchmark.results import read_results
 from agents.docs.results_tables import claims, error_table
-from baselines.command.cli import ended
 from baselines.command.markdown import table
 from satid_gym.files import read_json, write_text
 
@@ -78,7 +76,3 @@ def main() -> None:
     """Command line."""
     readme = ROOT / "README.md"
     write_text(readme, written(readme.read_text()))
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +15,9 @@ from typing import Any
 
 import numpy as np
 import scipy.stats
-import tyro
 
 from agents.benchmark.summary.ranking import cells, keeps_envelope
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.files import check_writable, read_json
 from satid_gym.metrics import BEYOND_MAX
 
@@ -153,13 +151,12 @@ def _keys() -> list[Any]:
     return [*kinds, key("o", "beyond the envelope for more than 1 % of the time", "none", _OUTSIDE)]
 
 
-def main() -> int:
+def main(figure: Figure) -> int:
     """Draw the figure that the command line asks for; the exit code."""
-    figure = tyro.cli(Figure, description=__doc__)
     check_writable(figure.output.parent)
     keys = ("records", "revision", "command")
     results = read_json(figure.results, "run python -m agents.compare --all --output docs/results", keys=keys)
-    with refusal():
+    with cli.user_errors():
         draw(results, figure.output)
     nearly, inside = (correlations(results["records"], most) for most in (NEARLY, BEYOND_MAX))
     print(f"{'beyond the envelope for at most':32s} {NEARLY:.0%}    {BEYOND_MAX:.0%}")
@@ -170,4 +167,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -26,6 +26,7 @@ from agents.docs.results_tables import (
 )
 from agents.docs.specification import section_table, vector_arguments
 from baselines import BASELINES, build, tuned_entry
+from baselines.command import cli
 from baselines.command.markdown import table
 from satid_gym.config import Config
 from satid_gym.estimators import MomentumEKFSettings
@@ -187,7 +188,12 @@ def written(page: str, text: str) -> str:
     return text
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write the tables of all pages."""
     for page in PAGES:
         file = ROOT / "docs" / page
         write_text(file, written(page, file.read_text()))
+
+
+if __name__ == "__main__":
+    cli.run(main)

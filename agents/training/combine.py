@@ -7,7 +7,6 @@ fitted to all of their answers has seen more than one run has time for.
 from __future__ import annotations
 
 import dataclasses
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,16 +15,16 @@ from pathlib import Path
 import torch
 import tyro
 
-from agents.training.imitation import Answers, answers, fit, policy_of
-from agents.training.ppo import summary, validate
-from agents.training.settings import ImitationSettings
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from agents.training.imitation import ImitationSettings, fit, policy_of
+from agents.training.run import summary, validate
+from agents.training.teacher import Answers, answers
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from satid_gym.config import check_whole
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class Combination:
     """Which runs."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -73,17 +72,16 @@ def answers_of(runs: Sequence[Path], rounds: int) -> list[Answers]:
     return said
 
 
-def main() -> None:
+def main(combination: Combination) -> None:
     """Command line."""
-    options = tyro.cli(Options, description=__doc__)
-    with refusal():
-        check_whole("epochs", options.epochs)
-        own = settings_of(options.runs)
-        settings = dataclasses.replace(own[0], seed=options.seed, epochs=options.epochs)
-        folder = options.run or Path("runs") / f"{settings.name}-combined-{settings.seed}"
+    with cli.user_errors():
+        check_whole("epochs", combination.epochs)
+        own = settings_of(combination.runs)
+        settings = dataclasses.replace(own[0], seed=combination.seed, epochs=combination.epochs)
+        folder = combination.run or Path("runs") / f"{settings.name}-combined-{settings.seed}"
         if any((folder / name).exists() for name in ("run.json", "policy.json")):
             raise ValueError(f"{folder} holds a run already: choose another --run")
-        said = answers_of(options.runs, settings.rounds)
+        said = answers_of(combination.runs, settings.rounds)
     torch.set_num_threads(1)
     start = time.perf_counter()
     policy = policy_of(fit(said, settings, settings.epochs), settings)
@@ -92,10 +90,7 @@ def main() -> None:
     policy.details = {
         "trained": {
             "method": "imitation",
-            "command": command("agents.training.combine"),
-            "revision": revision(),
-            "versions": versions(),
-            "settings": settings.to_dict(),
+            **result_head("agents.training.combine", settings.to_dict()),
             "combined_seeds": [each.seed for each in own],
             "decisions": decisions,
             "seconds": round(seconds, 1),
@@ -109,4 +104,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -8,7 +8,6 @@ where the policy's control is "rate" (satid_gym/control/rate_loop.py turns them 
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ import torch
 import tyro
 from onnx import TensorProto, helper, numpy_helper
 
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.core.observation import BOUND
 from satid_gym.files import write_bytes
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -28,6 +27,7 @@ from satid_gym.policies.shipped import find
 
 TOLERANCE = 1e-6
 _OPSET = 17
+_OPERATORS = {"tanh": "Tanh", "relu": "Relu"}
 
 
 def graph(policy: LearnedPolicy) -> onnx.ModelProto:
@@ -42,11 +42,13 @@ def graph(policy: LearnedPolicy) -> onnx.ModelProto:
         y = "output" if last else f"layer.{i}"
         nodes.append(helper.make_node("Gemm", [x, f"weight.{i}", f"bias.{i}"], [y], transB=1))
         if not last:
-            nodes.append(helper.make_node("Tanh", [y], [f"{y}.tanh"]))
-        x = f"{y}.tanh"
+            nodes.append(helper.make_node(_OPERATORS[network.activation], [y], [f"{y}.active"]))
+        x = f"{y}.active"
+    if network.squashed:
+        nodes.append(helper.make_node("Tanh", ["output"], ["squashed"]))
     constants.append(numpy_helper.from_array(np.array(-1.0), "least"))
     constants.append(numpy_helper.from_array(np.array(1.0), "most"))
-    nodes.append(helper.make_node("Clip", ["output", "least", "most"], ["clipped"]))
+    nodes.append(helper.make_node("Clip", ["squashed" if network.squashed else "output", "least", "most"], ["clipped"]))
     nodes.append(helper.make_node("Cast", ["clipped"], ["command"], to=TensorProto.FLOAT))
     entry = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", size])
     exit_ = helper.make_tensor_value_info("command", TensorProto.FLOAT, ["batch", outputs])
@@ -71,8 +73,9 @@ def torch_network(network: Network) -> torch.nn.Sequential:
     for weight, bias in zip(network.weights, network.biases, strict=True):
         layer = torch.nn.Linear(weight.shape[1], weight.shape[0])
         layer.weight.data, layer.bias.data = torch.from_numpy(weight), torch.from_numpy(bias)
-        layers += [layer.double(), torch.nn.Tanh()]
-    return torch.nn.Sequential(*layers[:-1], torch.nn.Hardtanh())
+        layers += [layer.double(), torch.nn.Tanh() if network.activation == "tanh" else torch.nn.ReLU()]
+    last = [torch.nn.Tanh()] if network.squashed else []
+    return torch.nn.Sequential(*layers[:-1], *last, torch.nn.Hardtanh())
 
 
 def largest_difference(session: onnxruntime.InferenceSession, network: Network, rows: int = 10_000) -> float:
@@ -114,7 +117,7 @@ def export(policy: LearnedPolicy, output: Path) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class OnnxExport:
     """What to export and where to."""
 
     policy: tyro.conf.Positional[str]
@@ -123,14 +126,9 @@ class Options:
     """The ONNX file to write."""
 
 
-def main() -> int:
+def main(asked: OnnxExport) -> int:
     """Export, and print how close and how fast it is; the exit code."""
-    options = tyro.cli(Options, description=__doc__)
-    with refusal():
-        difference, seconds = export(find(options.policy), options.output)
-    print(f"{options.output}: differs from torch by at most {difference:.1e}; {1e6 * seconds:.1f} us a decision")
+    with cli.user_errors():
+        difference, seconds = export(find(asked.policy), asked.output)
+    print(f"{asked.output}: differs from torch by at most {difference:.1e}; {1e6 * seconds:.1f} us a decision")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

@@ -7,7 +7,6 @@ satid_gym/policies/pretrained. Test seeds have no part in the choice.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,10 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.training.ppo import merit, validate
-from agents.training.settings import ANEW, ImitationSettings, Task, TrainSettings
-from baselines.command.cli import ended, refusal
+from agents.training.run import merit, validate
+from agents.training.settings import ANEW, Task
+from agents.training.train import SETTINGS
+from baselines.command import cli
 from baselines.command.provenance import command
 from satid_gym.config import check_number, check_whole
 from satid_gym.files import read_json
@@ -29,7 +29,7 @@ _SHOWN = ("final_error", "mean_error", "outside_fraction")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class SeedSelection:
     """Which runs."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -65,8 +65,7 @@ def _training(policy: LearnedPolicy) -> Task:
     """
     try:
         trained = policy.details["trained"]
-        kind = {"ppo": TrainSettings, "imitation": ImitationSettings}[trained["method"]]
-        return kind.from_dict(trained["settings"])
+        return SETTINGS[trained["method"]].from_dict(trained["settings"])
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
 
@@ -84,30 +83,29 @@ def _origin(run: Path) -> dict[str, Any]:
     return {name: head[name] for name in names}
 
 
-def main() -> int:
+def main(selection: SeedSelection) -> int:
     """Print the spread and the choice; the exit code."""
-    options = tyro.cli(Options, description=__doc__)
-    with refusal():
-        policies = options.policies()
+    with cli.user_errors():
+        policies = selection.policies()
         trained = [_training(policy) for policy in policies]
-        origins = [_origin(run) for run in options.runs]
+        origins = [_origin(run) for run in selection.runs]
         satellites = [satellite.name for satellite in trained[0].satellites]
         if any([satellite.name for satellite in settings.satellites] != satellites for settings in trained):
             raise ValueError("the runs were trained for different satellites: choose among runs of one setting")
     pairs = tqdm(list(zip(policies, trained, strict=True)), unit=" runs", disable=None)
-    rows = [validate(policy, settings, options.episodes) for policy, settings in pairs]
+    rows = [validate(policy, settings, selection.episodes) for policy, settings in pairs]
     scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
     print(f"{'':24s}" + "".join(f"{s:>24s}" for s in satellites) + "   final, mean error, outside in %")
-    for run, score in zip(options.runs, scores, strict=True):
+    for run, score in zip(selection.runs, scores, strict=True):
         print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
     for name, statistic in (("mean", scores.mean(axis=0)), ("std", scores.std(axis=0, ddof=min(1, len(rows) - 1)))):
         print(f"{name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in statistic))
     best = int(np.argmin([merit(run) for run in rows]))
-    print(f"best by final and mean error: {options.runs[best]}")
-    if options.ship:
+    print(f"best by final and mean error: {selection.runs[best]}")
+    if selection.ship:
         policy = policies[best]
         policy.details["trained"] = {**origins[best], **policy.details["trained"]}
-        policy.details |= {"validation": rows[best], "validation_episodes": options.episodes}
+        policy.details |= {"validation": rows[best], "validation_episodes": selection.episodes}
         policy.details["shipped_by"] = command("agents.training.select")
         policy.save(PRETRAINED / policy.name)
         print(f"shipped as {PRETRAINED / policy.name}")
@@ -115,4 +113,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -5,7 +5,6 @@ The frames are those of render_mode="rgb_array"; the relative errors of both are
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from tqdm import tqdm
 
 from agents.viewer import video
 from agents.viewer.rollout import Pairing, Rollout
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.rendering.canvas import ALARM, BACKGROUND, MUTED, RULE, TEXT, Canvas, Colour
 from satid_gym.rendering.strip import Strip
 
@@ -141,14 +140,10 @@ def write_video(settings: VideoSettings) -> Path:
     return settings.path
 
 
-def main() -> int:
+@cli.on_interrupt("no video was written")
+def main(settings: VideoSettings) -> int:
     """Record the video of the command line; returns the exit code."""
-    settings = tyro.cli(VideoSettings, description=__doc__)
-    with refusal():
+    with cli.user_errors():
         path = write_video(settings)
     print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main, "no video was written"))

@@ -5,7 +5,6 @@ Both fly with the same truth and noise. Ctrl-C ends it. If the output is not a t
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from rich.live import Live
 
 from agents.viewer.dashboard import dashboard, summary
 from agents.viewer.rollout import Pairing, Rollout
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.config import check_number
 
 _LINES = 10  # per episode, if the output is not a terminal
@@ -91,11 +90,11 @@ def _step(rollouts: Sequence[Rollout]) -> None:
         rollout.step()
 
 
-def main() -> int:
+@cli.on_interrupt("run it again to see the rest")
+def main(settings: WatchSettings) -> int:
     """Show the episode of the command line; returns the exit code."""
-    settings = tyro.cli(WatchSettings, description=__doc__)
     pairing = settings.pairing
-    with refusal():
+    with cli.user_errors():
         check_number("speed", settings.speed, strict=True)
         rollouts, title = pairing.rollouts(), pairing.title
     console = Console()
@@ -104,7 +103,3 @@ def main() -> int:
     finally:
         console.show_cursor()  # rich does this too, unless Ctrl-C came before its display started
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main, "run it again to see the rest"))

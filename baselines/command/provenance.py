@@ -1,16 +1,44 @@
-"""Where a result comes from: command, revision and versions."""
+"""Provenance of a result: command, revision and versions."""
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata
 import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 _PACKAGES = ("satid-gym", "gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
+
+
+def result_head(
+    module: str,
+    settings: Any = None,
+    *,
+    split: str | None = None,
+    seeds: Sequence[int] = (),
+    packages: Iterable[str] = _PACKAGES,
+) -> dict[str, Any]:
+    """Head of a file of results: command, revision, versions and, where given, settings and seeds.
+
+    Args:
+        module: of the command.
+        settings: plain values, or a dataclass of them; of absolute paths the last name is kept.
+        split: that the seeds are of.
+        seeds: consecutive seeds that were flown.
+        packages: whose versions matter.
+    """
+    head: dict[str, Any] = {"command": command(module), "revision": revision(), "versions": versions(packages)}
+    if settings is not None:
+        values: Mapping[str, Any] = settings if isinstance(settings, Mapping) else dataclasses.asdict(settings)
+        head["settings"] = {k: portable(str(v)) if isinstance(v, Path) else v for k, v in values.items()}
+    if split is not None:
+        head["seeds"] = {"split": split, "first": seeds[0], "count": len(seeds)}
+    return head
 
 
 def command(module: str, arguments: Iterable[str] | None = None) -> str:

@@ -9,17 +9,14 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
-
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from baselines.paper.exceedance import ekf_exceedances
 from baselines.paper.figures import bars, horizon, pipeline, profiles
 from baselines.paper.page import page
@@ -41,17 +38,17 @@ class PaperStudy:
     output: Path = Path("results/paper")
     """Folder for all results."""
 
+    def check(self) -> None:
+        """Check the settings before any work.
 
-def main() -> int:
+        Raises:
+            ValueError: the number of seeds is not positive.
+        """
+        check_whole("seeds", self.seeds)
+
+
+def main(study: PaperStudy) -> int:
     """Run the study of the command line; returns the exit code."""
-    study = tyro.cli(PaperStudy, description=__doc__)
-    with refusal():
-        check_whole("seeds", study.seeds)
-    return run(study)
-
-
-def run(study: PaperStudy) -> int:
-    """Run the study and write its results; returns 0 if all checks are met, else 1."""
     check_writable(study.output)
     start = time.perf_counter()
     jobs = [*table_jobs(study.seeds), *horizon_jobs(study.seeds)]
@@ -61,12 +58,8 @@ def run(study: PaperStudy) -> int:
     met = checks(found)
     used = seeds("test", study.seeds)
     exceedances = ekf_exceedances(found, used)
-    provenance: dict[str, Any] = {
-        "command": command("baselines.paper"),
-        "revision": revision(),
-        "versions": versions(["satid-gym", "numpy", "scipy", "numba", "matplotlib"]),
-        "seeds": {"split": "test", "first": used[0], "count": len(used)},
-    }
+    packages = ("satid-gym", "numpy", "scipy", "numba", "matplotlib")
+    provenance = result_head("baselines.paper", split="test", seeds=used, packages=packages)
     settings = {
         "scenario": scenario().to_dict(),
         "ekf": RateEKFSettings().to_dict(),
@@ -114,4 +107,4 @@ def _write_csv(path: Path, records: Sequence[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -11,19 +11,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from baselines.studies.recording import Recording, model_world, record
 from satid_gym.bounds import episode_bounds, law_growth, population_bound, posterior_bound
 from satid_gym.config import check_names, check_whole
@@ -186,11 +183,7 @@ def run(study: EfficiencyStudy) -> dict[str, Any]:
         for s, mode in tqdm(modes, desc="cost of unknown law", unit="flight")
     ]
     return {
-        "command": command("baselines.studies.efficiency"),
-        "revision": revision(),
-        "versions": versions(),
-        "settings": {**dataclasses.asdict(study), "output": str(study.output)},
-        "seeds": {"split": "validation", "first": chosen[0], "count": len(chosen)},
+        **result_head("baselines.studies.efficiency", study, split="validation", seeds=chosen),
         "error_over_bound": model_records,
         "cost_of_unknown_law": law_records,
     }
@@ -213,11 +206,8 @@ def show(results: dict[str, Any]) -> None:
         print(f"{cell} {fixed:.4f} {adaptive:.4f} {known:.4f} {bound:.4f} {r['cost_ratio']:5.1f}")
 
 
-def main() -> int:
+def main(study: EfficiencyStudy) -> int:
     """Run the study of the command line; returns the exit code."""
-    study = tyro.cli(EfficiencyStudy, description=__doc__)
-    with refusal():
-        study.check()
     check_writable(study.output.parent)
     results = run(study)
     write_json(study.output, results)
@@ -226,4 +216,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

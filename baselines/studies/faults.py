@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.faults import Faults
@@ -166,8 +165,8 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def run_study(settings: FaultStudy, policies: Mapping[str, Mapping[str, Policy]]) -> dict[str, Any]:
-    """Results of all flights; `records` has one entry per satellite, case, policy and filter.
+def run_study(settings: FaultStudy, policies: Mapping[str, Mapping[str, Policy]]) -> list[dict[str, Any]]:
+    """Records of all flights, one for each satellite, case, policy and filter.
 
     Args:
         settings: settings of the study.
@@ -182,12 +181,7 @@ def run_study(settings: FaultStudy, policies: Mapping[str, Mapping[str, Policy]]
             flown = fly(policies[satellite][name], seeds=chosen, **cell)
             names = {"satellite": satellite, "case": case, "policy": name, "filter": kind}
             records.append({**names, **scores(flown, CASES[case][1])})
-    return {
-        "settings": {**asdict(settings), "output": str(settings.output)},
-        "revision": revision(),
-        "versions": versions(),
-        "records": records,
-    }
+    return records
 
 
 def _table(results: Mapping[str, Any]) -> Table:
@@ -217,23 +211,22 @@ def _table(results: Mapping[str, Any]) -> Table:
     return table
 
 
-def main(learned: Sequence[Policy] = (), module: str = "baselines.studies.faults") -> int:
+def main(settings: FaultStudy, learned: Sequence[Policy] = (), module: str = "baselines.studies.faults") -> int:
     """Run the study of the command line; returns the exit code.
 
     Args:
+        settings: of the study.
         learned: policies to fly in addition to the baselines.
         module: module of the command.
     """
-    settings = tyro.cli(FaultStudy, description=__doc__)
-    with refusal():
-        settings.check()
+    with cli.user_errors():
         policies: dict[str, dict[str, Policy]] = {
             s: {name: make_baseline(name, s, "faults") for name in settings.policies} for s in settings.satellites
         }
     check_writable(settings.output.parent)
     for row in policies.values():
         row.update({policy.name: policy for policy in learned})
-    results = {"command": command(module), **run_study(settings, policies)}
+    results = {**result_head(module, settings), "records": run_study(settings, policies)}
     write_json(settings.output, results)
     console = Console(width=180) if not sys.stdout.isatty() else Console()
     console.print(_table(results))
@@ -242,4 +235,4 @@ def main(learned: Sequence[Policy] = (), module: str = "baselines.studies.faults
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

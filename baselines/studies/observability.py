@@ -14,9 +14,7 @@ decision, as in the paper. If a batch estimator cannot identify the inertia, its
 
 from __future__ import annotations
 
-import dataclasses
 import io
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -25,11 +23,10 @@ from typing import Any
 
 import numpy as np
 import scipy.stats
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from baselines.studies.excitation_family import FAMILY, matched
 from baselines.studies.recording import Recording, record
 from satid_gym.bounds import posterior_bound
@@ -215,21 +212,14 @@ def _text(correlation: float | None) -> str:
     return "refused" if correlation is None else f"{correlation:.2f}"
 
 
-def main() -> int:
+def main(study: ObservabilityStudy) -> int:
     """Run the study of the command line; returns the exit code."""
-    study = tyro.cli(ObservabilityStudy, description=__doc__)
-    with refusal():
-        study.check()
     check_writable(study.output)
     chosen = seeds("validation", study.episodes)
     records = run_study(study, chosen)
     table = correlations(records)
     results = {
-        "command": command("baselines.studies.observability"),
-        "revision": revision(),
-        "versions": versions(),
-        "settings": {**dataclasses.asdict(study), "output": str(study.output)},
-        "seeds": {"split": "validation", "first": chosen[0], "count": len(chosen)},
+        **result_head("baselines.studies.observability", study, split="validation", seeds=chosen),
         "correlations": table,
         "records": records,
     }
@@ -243,4 +233,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

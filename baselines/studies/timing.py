@@ -5,17 +5,14 @@ Measured for one episode and for many episodes in parallel.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command.provenance import result_head
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
@@ -91,11 +88,8 @@ def decision_ms(name: str, satellite: str, episodes: int) -> float:
     return policy.decision_ms
 
 
-def main() -> int:
+def main(timing: TimingStudy) -> int:
     """Measure the policies of the command line; returns the exit code."""
-    timing = tyro.cli(TimingStudy, description=__doc__)
-    with refusal():
-        timing.check()
     if timing.output is not None:
         check_writable(timing.output.parent)
     found = {}
@@ -106,11 +100,6 @@ def main() -> int:
         print(f"{name:18s} {alone:8.4f} {together:8.4f}")
         found[name] = {"alone": alone, "side_by_side": together}
     if timing.output is not None:
-        made = {"command": command("baselines.timing"), "revision": revision(), "versions": versions()}
         cell = {"satellite": timing.satellite, "episodes": timing.episodes}
-        write_json(timing.output, {**made, **cell, "decision_ms": found})
+        write_json(timing.output, {**result_head("baselines.timing"), **cell, "decision_ms": found})
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

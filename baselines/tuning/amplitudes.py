@@ -12,18 +12,15 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command.provenance import result_head
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
@@ -205,12 +202,8 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         except BaseException:
             pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
             raise
-    used = seeds("tuning", tuning.episodes)
     tuned = {
-        "command": command("baselines.tune"),
-        "revision": revision(),
-        "versions": versions(),
-        "seeds": {"split": "tuning", "first": used[0], "count": len(used)},
+        **result_head("baselines.tune", split="tuning", seeds=seeds("tuning", tuning.episodes)),
         "inertia": "one of static, step, drift, periodic at random, the paper's laws",
         "rule": (
             f"lowest mean final error with at most {BEYOND_MAX:.0%} of the time beyond the envelope, of rates or "
@@ -249,11 +242,8 @@ def definitions(satellites: Sequence[Satellite], scenarios: Sequence[Scenario]) 
     }
 
 
-def main() -> int:
+def main(settings: Tuning) -> int:
     """Tune what the command line asks for; the exit code."""
-    settings = tyro.cli(Tuning, description=__doc__)
-    with refusal():
-        settings.check()
     for path in (settings.output, settings.trials or settings.output):
         check_writable(path.parent)
     tuned, tried = run(settings)
@@ -261,7 +251,3 @@ def main() -> int:
     if settings.trials is not None:
         write_json(settings.trials, tried)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

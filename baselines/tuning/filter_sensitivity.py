@@ -8,19 +8,16 @@ between what the NEES lies.
 
 from __future__ import annotations
 
-import dataclasses
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from baselines.studies.recording import Recording, record
 from satid_gym import metrics
 from satid_gym.config import check_names, check_whole
@@ -102,11 +99,7 @@ def run(study: Study) -> dict[str, Any]:
         cell = {"policy": policy, "satellite": satellite, "inertia_mode": mode}
         records += [{**cell, "settings": each, **filtered(each, satellite, recording, mode)} for each in variants()]
     return {
-        "command": command("baselines.tuning.filter_sensitivity"),
-        "revision": revision(),
-        "versions": versions(),
-        "settings": {**dataclasses.asdict(study), "output": str(study.output)},
-        "seeds": {"split": "tuning", "first": chosen[0], "count": len(chosen)},
+        **result_head("baselines.tuning.filter_sensitivity", study, split="tuning", seeds=chosen),
         "records": records,
     }
 
@@ -134,11 +127,8 @@ def show(records: Sequence[dict[str, Any]]) -> None:
         print(line)
 
 
-def main() -> int:
+def main(study: Study) -> int:
     """Run the study that the command line asks for; the exit code."""
-    study = tyro.cli(Study, description=__doc__)
-    with refusal():
-        study.check()
     check_writable(study.output.parent)
     results = run(study)
     write_json(study.output, results)
@@ -147,4 +137,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

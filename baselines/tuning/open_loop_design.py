@@ -8,17 +8,15 @@ of `python -m baselines.tune`, for an open loop has to leave room for motor nois
 from __future__ import annotations
 
 import dataclasses
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from baselines.tuning.amplitudes import Trial, attempt, best, check_output, definitions, judge
 from satid_gym.bounds import Course, posterior_bound
 from satid_gym.config import check_number, check_whole
@@ -156,26 +154,21 @@ def run(design: Design) -> dict[str, Any]:
                 "dwell": dwell,
             }
         )
+    settings = {
+        **dataclasses.asdict(design),
+        "scenarios": [scenario.name for scenario in scenarios],
+        "satellites": [satellite.name for satellite in satellites],
+        "output": design.output.name,
+    }
     return {
-        "command": command("baselines.tuning.open_loop_design"),
-        "revision": revision(),
-        "versions": versions(),
-        "settings": {
-            **dataclasses.asdict(design),
-            "scenarios": [scenario.name for scenario in scenarios],
-            "satellites": [satellite.name for satellite in satellites],
-            "output": design.output.name,
-        },
+        **result_head("baselines.tuning.open_loop_design", settings),
         "definitions": definitions(satellites, scenarios),
         "entries": entries,
     }
 
 
-def main() -> int:
+def main(settings: Design) -> int:
     """Design what the command line asks for; the exit code."""
-    settings = tyro.cli(Design, description=__doc__)
-    with refusal():
-        settings.check()
     check_writable(settings.output.parent)
     results = run(settings)
     write_json(settings.output, results)
@@ -189,4 +182,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

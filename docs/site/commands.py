@@ -6,6 +6,7 @@ imports from. Modules are read, not imported.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +15,8 @@ import griffe
 
 ROOT = Path(__file__).parents[2]
 PAGE = "api/commands.md"
-_OPTIONS = re.compile(r"tyro\.cli\((\w+)")
+PACKAGES = ("agents", "baselines", "satid_gym")
+_OPTIONS = re.compile(r"^def main\(\w+: (\w+)", flags=re.MULTILINE)
 _PARSER = re.compile(r"ArgumentParser\(|^if __name__ ==", flags=re.MULTILINE)
 _FACE = re.compile(r"^from ([\w.]+) import main$", flags=re.MULTILINE)
 
@@ -23,14 +25,12 @@ def on_page_markdown(markdown: str, page, **_: object) -> str:
     """Called by mkdocs for every page."""
     if page.file.src_uri != PAGE:
         return markdown
-    return "\n\n".join(
-        [markdown, *(section for package in ("agents", "baselines", "satid_gym") for section in of(package))]
-    )
+    return "\n\n".join([markdown, *(section for package in PACKAGES for section in of(package))])
 
 
 def of(package: str) -> Iterator[str]:
     """A section for each command of a package."""
-    tree = griffe.load(package, search_paths=[ROOT], resolve_aliases=True, allow_inspection=False)
+    tree = _trees()[package]
     sources = {_name(file): file.read_text(encoding="utf-8") for file in sorted((ROOT / package).rglob("*.py"))}
     faces = {name: face[1] for name, source in sources.items() if (face := _FACE.search(source))}
     for name in sources:
@@ -46,6 +46,16 @@ def of(package: str) -> Iterator[str]:
         yield "\n".join([f"## {name.removesuffix('.__main__')}", "", module.docstring.value, "", *table])
 
 
+@functools.cache
+def _trees() -> griffe.ModulesCollection:
+    """All packages, because options may be classes of another one."""
+    loader = griffe.GriffeLoader(search_paths=[ROOT], allow_inspection=False)
+    for package in PACKAGES:
+        loader.load(package)
+    loader.resolve_aliases()
+    return loader.modules_collection
+
+
 def _name(file: Path) -> str:
     return ".".join(file.relative_to(ROOT).with_suffix("").parts)
 
@@ -53,7 +63,7 @@ def _name(file: Path) -> str:
 def _rows(module: griffe.Module, options: griffe.Class) -> Iterator[str]:
     """A row for each field."""
     for field in options.attributes.values():
-        if "property" in field.labels:
+        if "instance-attribute" not in field.labels:  # a property, or the same for all instances
             continue
         if not field.docstring and field.annotation:  # its fields stand among the options themselves
             nested = next(name for name in re.findall(r"[A-Z]\w+", str(field.annotation)) if name != "Annotated")

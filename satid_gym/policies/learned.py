@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,27 +27,41 @@ FORMAT = 1
 CONTROLS = ("rate", "torque")
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_HEAD = ("format", "name", "control", "margin", "include_covariance", "sha256")
+_HEAD = ("format", "name", "control", "margin", "include_covariance", "activation", "squashed", "sha256")
+_ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Multilayer perceptron with tanh between its layers.
+    """Multilayer perceptron.
 
     Attributes:
         weights: (out, in) of each layer.
         biases: (out,) of each layer.
+        activation: between the layers, "tanh" or "relu".
+        squashed: whether tanh follows the last layer.
+
+    Raises:
+        ValueError: the activation is unknown, or `squashed` is not a bool.
     """
 
     weights: tuple[np.ndarray, ...]
     biases: tuple[np.ndarray, ...]
+    activation: str = "tanh"
+    squashed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.activation not in _ACTIVATIONS:
+            raise unknown_name("activation of a network", self.activation, _ACTIVATIONS)
+        check_flag("squashed of a network", self.squashed)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Output (N, out) for observations (N, in), in double precision, for the same result on every machine."""
         x = np.asarray(observation, dtype=np.float64)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            x = np.tanh(x @ weight.T + bias)
-        return x @ self.weights[-1].T + self.biases[-1]
+            x = _ACTIVATIONS[self.activation](x @ weight.T + bias)
+        output = x @ self.weights[-1].T + self.biases[-1]
+        return np.tanh(output) if self.squashed else output
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Tensors of the layers by name."""
@@ -55,8 +69,10 @@ class Network:
         return named | {f"bias.{i}": b for i, b in enumerate(self.biases)}
 
     @classmethod
-    def from_tensors(cls, tensors: Mapping[str, np.ndarray]) -> Network:
-        """Network from the tensors that `tensors` gives.
+    def from_tensors(
+        cls, tensors: Mapping[str, np.ndarray], activation: str = "tanh", squashed: bool = False
+    ) -> Network:
+        """Network from the tensors that `tensors` gives; the other arguments are attributes.
 
         Raises:
             ValueError: a layer is missing, not finite, or its shape does not fit the one before.
@@ -76,7 +92,7 @@ class Network:
                 raise ValueError(f"layer {i} of the network does not fit: weight {weight.shape}, bias {bias.shape}")
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
                 raise ValueError(f"layer {i} of the network holds values that are not finite")
-        return cls(weights, biases)
+        return cls(weights, biases, activation, squashed)
 
 
 class LearnedPolicy:
@@ -150,7 +166,8 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        values = (FORMAT, self.name, self.control, self.margin, self.include_covariance, digest)
+        own = (self.name, self.control, self.margin, self.include_covariance)
+        values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
         write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
@@ -178,7 +195,9 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} is damaged or not of {text.name}: its checksum differs; copy both again")
         details = {name: value for name, value in head.items() if name not in _HEAD}
         try:
-            network = Network.from_tensors(load(content))
+            # files from before there was a choice say nothing of the two
+            choices = head.get("activation", "tanh"), head.get("squashed", False)
+            network = Network.from_tensors(load(content), *choices)
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:

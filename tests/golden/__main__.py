@@ -6,15 +6,13 @@ Only for a change of behaviour that is meant, and then with a new version of the
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from satid_gym.files import check_writable, write_text
 from tests.golden.flights import CASES, DATA, fly
 
@@ -27,12 +25,11 @@ class Golden:
     """JSON file that the tests hold the environment against."""
 
 
-def main() -> int:
+def main(settings: Golden) -> int:
     """Fly every case and write what it gave; the exit code."""
-    settings = tyro.cli(Golden, description=__doc__)
     check_writable(settings.output.parent)
     flights = {case: fly(case) for case in tqdm(CASES, desc="golden flights", unit="flight")}
-    head = {"command": command("tests.golden"), "revision": revision(), "versions": versions()}
+    head = result_head("tests.golden")
     lines = ",\n".join(
         f" {json.dumps(case)}: {json.dumps(flight, allow_nan=False)}" for case, flight in flights.items()
     )
@@ -43,4 +40,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

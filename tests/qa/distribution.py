@@ -16,7 +16,7 @@ import venv
 import zipfile
 from pathlib import Path
 
-from baselines.command.cli import ended
+from baselines.command import cli
 
 ROOT = Path(__file__).parents[2]
 USE = """
@@ -116,4 +116,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import tyro
 
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.config import check_whole
 
 ROOT = Path(__file__).parents[2]
@@ -209,11 +208,8 @@ def reached(run: Path) -> int:
     return int(curve.read_text().splitlines()[-1].split(",")[0]) if curve.exists() else 0
 
 
-def main() -> int:
+def main(settings: Interruptions) -> int:
     """Disturb, compare, and print; the exit code."""
-    settings = tyro.cli(Interruptions, description=__doc__)
-    with refusal():
-        settings.check()
     with tempfile.TemporaryDirectory() as temporary:
         folder = settings.folder or Path(temporary)
         seconds = finish(training(settings, folder / "whole"))
@@ -231,4 +227,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -7,18 +7,16 @@ covers less than 93 % or more than 97 %.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import tyro
 from scipy.stats import norm, skew
 from tqdm import tqdm
 
 from agents.benchmark.summary.statistics import pair, record
 from baselines import make_baseline
-from baselines.command.cli import ended, refusal
+from baselines.command import cli
 from satid_gym.config import check_names, check_whole
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
@@ -149,11 +147,8 @@ def real(study: Study) -> dict[str, Population]:
     return {f"{one} / {other}": flown(errors[one], errors[other]) for one, other in pairs}
 
 
-def main() -> int:
+def main(study: Study) -> int:
     """Print every coverage; the exit code."""
-    study = tyro.cli(Study, description=__doc__)
-    with refusal():
-        study.check()
     populations = {**SYNTHETIC, **real(study)}
     held = True
     print(f"{'population':26s}{'interval of':30s}{'truth':>10s} {'covered':>9s} {'above':>7s} {'below':>7s}")
@@ -170,4 +165,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

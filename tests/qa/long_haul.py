@@ -11,18 +11,16 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_whole
 from satid_gym.files import check_writable, write_json
@@ -168,10 +166,10 @@ class Haul:
         }
 
 
-def main() -> int:
+@cli.on_interrupt("go on with the same command and --resume")
+def main(settings: LongHaul) -> int:
     """Fly what the command line asks for; the exit code."""
-    settings = tyro.cli(LongHaul, description=__doc__)
-    with refusal():
+    with cli.user_errors():
         haul = Haul(settings)
     check_writable(settings.output.parent)
     try:
@@ -181,7 +179,7 @@ def main() -> int:
     figures = haul.figures()
     for name, value in figures.items():
         print(f"{name:32s} {value}")
-    results = {"command": command("tests.qa.long_haul"), "revision": revision(), "versions": versions(), **figures}
+    results = {**result_head("tests.qa.long_haul"), **figures}
     write_json(settings.output, {**results, "samples": haul.seen["samples"]})
     settings.state_file.unlink()
     print(f"written to {settings.output}")
@@ -189,4 +187,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main, "go on with the same command and --resume"))
+    cli.run(main)

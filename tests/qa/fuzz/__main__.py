@@ -18,13 +18,12 @@ from random import Random
 from typing import Any
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from satid_gym import SatInertiaIDEnv
 from satid_gym.config import check_names, check_whole
 from satid_gym.estimators import ESTIMATORS
@@ -162,11 +161,8 @@ def print_findings(found: dict[Group, Findings]) -> None:
     Console(width=120).print(table)
 
 
-def main() -> int:
+def main(fuzz: Fuzz) -> int:
     """The exit code: 1 where something failed."""
-    fuzz = tyro.cli(Fuzz, description=__doc__)
-    with refusal():
-        fuzz.check()
     check_writable(fuzz.output.parent)
     start = time.perf_counter()
     if fuzz.only is not None:
@@ -184,9 +180,7 @@ def main() -> int:
     write_json(
         fuzz.output,
         {
-            "command": command("tests.qa.fuzz"),
-            "revision": revision(),
-            "versions": versions(),
+            **result_head("tests.qa.fuzz"),
             **totals,
             "breakdowns": {str(group): f.breakdown for group, f in found.items()},
             "failures": failures,
@@ -198,4 +192,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main))
+    cli.run(main)

@@ -22,13 +22,12 @@ from pathlib import Path
 from typing import Any
 
 import scipy.stats
-import tyro
 from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
-from baselines.command.cli import ended, refusal
-from baselines.command.provenance import command, revision, versions
+from baselines.command import cli
+from baselines.command.provenance import result_head
 from satid_gym.config import check_names, check_whole
 from satid_gym.files import check_writable, read_json, write_json
 from tests.qa.mutation.equivalent import EQUIVALENT
@@ -259,17 +258,15 @@ def table(rows: Iterable[Mapping[str, Any]]) -> Table:
     return out
 
 
-def main() -> int:
+@cli.on_interrupt("the same command goes on from where it was")
+def main(arguments: MutationArguments) -> int:
     """Try, save, print; the exit code."""
-    arguments = tyro.cli(MutationArguments, description=__doc__)
-    with refusal():
-        arguments.check()
     console = Console()
     state: dict[str, Any] = {}
     if arguments.output.exists() and not arguments.fresh:
         state = read_json(arguments.output, "remove it, or add --fresh", keys=["modules"])["modules"]
     check_writable(arguments.output.parent)
-    head = {"command": command("tests.qa.mutation"), "revision": revision(), "versions": versions()}
+    head = result_head("tests.qa.mutation")
 
     def save(**more: Any) -> None:
         write_json(arguments.output, {**head, **more, "modules": state})
@@ -293,4 +290,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(ended(main, "the same command goes on from where it was"))
+    cli.run(main)

@@ -16,23 +16,29 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
 
+from agents.training.settings import ANEW
 from satid_gym.files import DamagedFileError, write_bytes
 from satid_gym.sb3 import RateCommandVecEnv
 
 _DIGEST = hashlib.sha256().digest_size
+_REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
-def save(path: Path, model: PPO, env: RateCommandVecEnv, notes: dict[str, Any]) -> None:
+def save(path: Path, model: BaseAlgorithm, env: RateCommandVecEnv, notes: dict[str, Any]) -> None:
     """Write all that the run needs to go on as if it had never stopped."""
     arrays: dict[str, np.ndarray] = {f"env.{k}": v for k, v in env.state().items()}
-    for key, tensor in model.policy.state_dict().items():
-        arrays[f"policy.{key}"] = tensor.numpy()
-    optimizer = model.policy.optimizer.state_dict()
-    for i, state in optimizer["state"].items():
-        for key, tensor in state.items():
-            arrays[f"optimizer.{i}.{key}"] = tensor.numpy()
+    for name, state in model.get_parameters().items():
+        if name.endswith("optimizer"):
+            state = {f"{i}.{key}": tensor for i, tensors in state["state"].items() for key, tensor in tensors.items()}
+        arrays |= {f"{name}/{key}": tensor.numpy() for key, tensor in state.items()}
+    for name in _variables(model):
+        arrays[f"variable/{name}"] = getattr(model, name).detach().numpy()
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is not None:
+        arrays |= {f"replay/{name}": getattr(buffer, name)[: buffer.size()] for name in _REPLAY}
     _, keys, position, *_ = np.random.get_state()  # noqa: NPY002 - Stable-Baselines3 shuffles with it
     arrays["random.numpy"], arrays["random.torch"] = keys, torch.get_rng_state().numpy()
     arrays["last.observation"], arrays["last.starts"] = model._last_obs, model._last_episode_starts
@@ -40,6 +46,7 @@ def save(path: Path, model: PPO, env: RateCommandVecEnv, notes: dict[str, Any]) 
         "timesteps": model.num_timesteps,
         "updates": model._n_updates,
         "numpy_position": int(position),
+        "replay_position": 0 if buffer is None else buffer.pos,
         "notes": notes,
     }
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
@@ -61,15 +68,14 @@ def exists(path: Path) -> bool:
     return path.exists() or previous(path).exists()
 
 
-def load(path: Path, model: PPO, env: RateCommandVecEnv) -> dict[str, Any]:
+def load(path: Path, model: BaseAlgorithm, env: RateCommandVecEnv) -> dict[str, Any]:
     """Put a model and its environment where `save` found them; returns the notes.
 
     A damaged checkpoint is put aside with a line on standard error, and the one before it is used: training is
     repeatable, so nothing but time is lost.
 
     Raises:
-        DamagedFileError: neither is whole; nothing is used of them.
-        ValueError: it is of other settings.
+        DamagedFileError: neither is whole, or it is of other settings.
     """
     try:
         head, arrays = _read(path)
@@ -82,16 +88,17 @@ def load(path: Path, model: PPO, env: RateCommandVecEnv) -> dict[str, Any]:
             os.replace(path, path.with_suffix(".damaged.npz"))
     try:
         env.restore(_under(arrays, "env."))
-        tensors = {k: torch.from_numpy(v) for k, v in _under(arrays, "policy.").items()}
-        model.policy.load_state_dict(tensors)
-        optimizer = model.policy.optimizer.state_dict()
-        states: dict[int, dict[str, torch.Tensor]] = {}
-        for key, value in _under(arrays, "optimizer.").items():
-            index, name = key.split(".")
-            states.setdefault(int(index), {})[name] = torch.from_numpy(value)
-        model.policy.optimizer.load_state_dict({**optimizer, "state": states})
+        parameters = {}
+        for name, state in model.get_parameters().items():
+            tensors = {key: torch.from_numpy(value) for key, value in _under(arrays, f"{name}/").items()}
+            parameters[name] = {**state, "state": _by_index(tensors)} if name.endswith("optimizer") else tensors
+        model.set_parameters(parameters)
+        for name in _variables(model):
+            getattr(model, name).data = torch.from_numpy(arrays[f"variable/{name}"])
+        if getattr(model, "replay_buffer", None) is not None:
+            _refill(model.replay_buffer, _under(arrays, "replay/"), head["replay_position"])
     except (RuntimeError, ValueError, KeyError) as error:
-        raise ValueError(f"{path} is of other settings: {error}") from error
+        raise DamagedFileError(f"{path} is of other settings ({error}): {ANEW}") from error
     np.random.set_state(("MT19937", arrays["random.numpy"], head["numpy_position"]))  # noqa: NPY002
     torch.set_rng_state(torch.from_numpy(arrays["random.torch"]))
     model._last_obs, model._last_episode_starts = arrays["last.observation"], arrays["last.starts"]
@@ -114,6 +121,28 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         return json.loads(arrays["head"].tobytes()), arrays
     except (ValueError, KeyError, TypeError, AttributeError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise DamagedFileError(f"{path} is not a checkpoint, whole though it is") from error
+
+
+def _variables(model: BaseAlgorithm) -> list[str]:
+    """Names of tensors that a model learns and no module has."""
+    return model._get_torch_save_params()[1]
+
+
+def _by_index(tensors: dict[str, torch.Tensor]) -> dict[int, dict[str, torch.Tensor]]:
+    """State of an optimizer from tensors named INDEX.NAME."""
+    state: dict[int, dict[str, torch.Tensor]] = {}
+    for key, tensor in tensors.items():
+        index, name = key.split(".")
+        state.setdefault(int(index), {})[name] = tensor
+    return state
+
+
+def _refill(buffer: ReplayBuffer, arrays: dict[str, np.ndarray], position: int) -> None:
+    """Put back the decisions that a replay buffer held."""
+    count = len(arrays["rewards"])
+    for name in _REPLAY:
+        getattr(buffer, name)[:count] = arrays[name]
+    buffer.pos, buffer.full = position, count == buffer.buffer_size
 
 
 def _under(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

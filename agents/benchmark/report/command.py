@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
 from agents.benchmark.report.page import rebuild
 from agents.benchmark.results import file_names
-from baselines.command.cli import ended
+from baselines.command import cli
 from baselines.command.options import ScenarioName
 from satid_gym.config import unknown_name
 from satid_gym.scenario import SCENARIOS
@@ -26,20 +23,12 @@ class Report:
     """Scenario of the comparison, yours or a shipped one."""
 
 
-def main() -> int:
+def main(report: Report) -> int:
     """Make the page that the command line asks for; the exit code."""
-    report = tyro.cli(Report, description=__doc__)
-    try:
+    with cli.user_errors():
         file = report.results / file_names(report.scenario)["results"]
         if report.scenario not in SCENARIOS and not file.is_file():
             raise unknown_name("scenario", report.scenario, SCENARIOS)
         path = rebuild(report.results, report.scenario)
-    except (FileNotFoundError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     print(f"{path} written")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(ended(main))

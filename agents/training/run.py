@@ -1,0 +1,186 @@
+"""Training run, the same for every algorithm: its folder, learning curve, validation, policies and checkpoint."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shlex
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from agents.training.sb3 import checkpoint
+from agents.training.settings import Task
+from baselines.command import cli
+from baselines.command.provenance import result_head
+from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.files import PART, write_json, write_text
+from satid_gym.metrics import BEYOND_MAX, beyond_envelope
+from satid_gym.policies.learned import LearnedPolicy, Network
+
+SCORES = ("reward", "final_error", "mean_error", "outside_fraction", "saturated_fraction", "nees")
+
+
+def network_of(layers: Iterable[torch.nn.Module], activation: str = "tanh", squashed: bool = False) -> Network:
+    """The linear ones of torch's layers, in order; the other arguments are attributes of `Network`."""
+    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+    weights = tuple(layer.weight.detach().numpy().copy() for layer in linear)
+    biases = tuple(layer.bias.detach().numpy().copy() for layer in linear)
+    return Network(weights, biases, activation, squashed)
+
+
+def validate(policy: LearnedPolicy, settings: Task, episodes: int) -> list[dict[str, Any]]:
+    """Mean scores on validation seeds and the paper's laws, one row a satellite."""
+    rows = []
+    for satellite in settings.satellites:
+        flight = fly(
+            policy,
+            satellite=satellite,
+            inertia=settings.inertia,
+            seeds=seeds("validation", episodes),
+            scenario=benchmark_scenario(settings.scenario),
+        )
+        scores = {name: float(np.mean(value)) for name, value in flight.scores().items()}
+        rows.append({"satellite": satellite.name, **{name: scores[name] for name in SCORES}})
+    return rows
+
+
+def merit(rows: list[dict[str, Any]]) -> float:
+    """Lower is better: geometric mean of final and mean error over satellites, and first to keep to the envelope."""
+    errors = [row[name] for row in rows for name in ("final_error", "mean_error")]
+    beyond = max(beyond_envelope(row["outside_fraction"], row["saturated_fraction"]) for row in rows)
+    return float(np.exp(np.mean(np.log(errors)))) * max(1.0, beyond / BEYOND_MAX)
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Validation scores in a line."""
+    shown = ("final_error", "mean_error", "outside_fraction")
+    text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
+    return f"final, mean error and outside in %:  {text}"
+
+
+class Run:
+    """A training run and its folder.
+
+    The folder has run.json (command, revision, versions, algorithm, settings), curve.csv (scores on validation seeds),
+    the policies `policy` and `last`, and what the algorithm needs to go on after a stop.
+
+    Args:
+        settings: of the run.
+        folder: of the run.
+        resume: whether to go on with the run in it.
+        module: of the command that starts it.
+
+    Attributes:
+        curve: rows of curve.csv.
+        best: merit of `policy`, the lowest so far.
+        bar: the progress bar; an algorithm makes it by `progress`.
+
+    Raises:
+        ValueError: the folder holds a run and `resume` is False, or holds none and `resume` is True.
+        OSError: the folder cannot be written.
+    """
+
+    bar: tqdm
+
+    def __init__(self, settings: Task, folder: Path, *, resume: bool, module: str) -> None:
+        self.settings, self.folder = settings, folder
+        started = (folder / "run.json").exists()
+        if started and not resume:
+            raise ValueError(f"{folder} holds a run already: add --resume to go on with it, or choose another --run")
+        if resume and not started:
+            raise ValueError(f"{folder} holds no run to resume")
+        self.curve: list[dict[str, Any]] = []
+        self.best = np.inf
+        self.again = f"go on with: {shlex.join(['python', '-m', module, '--run', str(folder), '--resume'])}"
+        folder.mkdir(parents=True, exist_ok=True)
+        if not resume:
+            head = {**result_head(module, settings.to_dict()), "algorithm": settings.algorithm}
+            write_json(folder / "run.json", head)
+        for part in folder.glob(f".*{PART}"):  # what was being written when the process was killed
+            part.unlink()
+        torch.set_num_threads(1)  # numba's threads and torch's would fight for the cores
+
+    def progress(self, total: int, done: int, unit: str) -> tqdm:
+        """The progress bar, to be used with `with`."""
+        self.bar = tqdm(total=total, initial=done, unit=f" {unit}", unit_scale=total > 10_000)
+        return self.bar
+
+    def evaluate(self, policy: LearnedPolicy, **at: Any) -> list[dict[str, Any]]:
+        """Score a policy on validation seeds: new rows of the curve, also kept in the policy's details.
+
+        Args:
+            policy: to fly.
+            **at: how far training is, by the names of the curve's first columns.
+        """
+        s = self.settings
+        rows = validate(policy, s, s.evaluation_episodes)
+        self.curve += [{**at, **row} for row in rows]
+        trained = {"method": s.algorithm, "settings": s.to_dict(), "seed": s.seed, **at}
+        policy.details = {"trained": trained, "validation": rows}
+        self.bar.write(f"{' '.join(str(v) for k, v in at.items() if k != 'seconds'):>9s}  {summary(rows)}")
+        return rows
+
+    def keep(self, policy: LearnedPolicy) -> None:
+        """Save an evaluated policy as `last`, and as `policy` if none was better."""
+        policy.save(self.folder / "last")
+        score = merit(policy.details["validation"])
+        if score < self.best:
+            self.best = score
+            policy.save(self.folder / "policy")
+
+    def write_curve(self) -> None:
+        """Write curve.csv."""
+        table = io.StringIO()
+        writer = csv.DictWriter(table, list(self.curve[-1]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.curve)
+        write_text(self.folder / "curve.csv", table.getvalue())
+
+    def save(self, model: Any, env: Any, **notes: Any) -> None:
+        """Write curve and checkpoint, from which `restore` goes on as if the run had never stopped."""
+        self.write_curve()
+        checkpoint.save(self.folder / "checkpoint.npz", model, env, {"curve": self.curve, "best": self.best, **notes})
+
+    def restore(self, model: Any, env: Any) -> dict[str, Any]:
+        """Put model and environment where the last `save` found them; its notes, empty without a checkpoint.
+
+        Raises:
+            DamagedFileError: the checkpoint and the one before it are damaged, or of other settings.
+        """
+        path = self.folder / "checkpoint.npz"
+        if not checkpoint.exists(path):  # a run that was stopped before its first one starts anew
+            return {}
+        notes = checkpoint.load(path, model, env)
+        self.curve, self.best = notes["curve"], notes["best"]
+        return notes
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Where a run goes."""
+
+    run: Path | None = None
+    """Folder of the run; runs/NAME-SEED by default."""
+    resume: bool = False
+    """Go on with the run in that folder, by the settings it was started with."""
+
+    def start(self, train: Callable[[Run], Any], settings: Task, module: str) -> int:
+        """Run an algorithm to its end; the exit code.
+
+        Args:
+            train: the algorithm.
+            settings: of the run; those in its folder if it is resumed.
+            module: of the command.
+        """
+        folder = self.run or Path("runs") / f"{settings.name}-{settings.seed}"
+        with cli.user_errors():
+            run = Run(settings, folder, resume=self.resume, module=module)
+        with cli.on_interrupt(run.again):
+            train(run)
+        return 0

@@ -1,0 +1,1 @@
+"""Stable-Baselines3: the training loop of its algorithms, and checkpoints of their state."""

@@ -1,0 +1,166 @@
+"""The teacher of imitation: a planner that says what each decision of a flight is worth, and files of its answers.
+
+The planner takes a thousand times as long as a network, and is told what the network has to find out from its
+observations: how the inertia varies.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import os
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from agents.training.settings import Task
+from satid_gym import SatInertiaIDVectorEnv
+from satid_gym.config import check_number, check_whole
+from satid_gym.control.planner import ADAPTIVE_WALK
+from satid_gym.control.rate_loop import RateLoop
+from satid_gym.evaluation import seeds
+from satid_gym.files import DamagedFileError, write_bytes
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.learned import Network
+from satid_gym.policies.mpc import MPCPolicy
+from satid_gym.policy import missions
+from satid_gym.satellite import Satellite
+
+Answers = tuple[np.ndarray, np.ndarray]  # observations (D, size) and side values (D, 3) of the plus side
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TeacherSettings(Task):
+    """What is flown, and how well the teacher plans."""
+
+    rounds: int = 6
+    """Rounds of flights; the teacher flies the first, the network the others."""
+    episodes: int = 24
+    """Episodes a round on each satellite with each factor on its wheels."""
+    taught: float = 0.15
+    """Share of the later rounds' episodes that the teacher flies."""
+    edits: int = 24
+    """Edits of the plan that the teacher tries in each decision."""
+    steps: int = 4
+    """Steps of the teacher's forecast in each decision."""
+    walks: tuple[float, ...] = (ADAPTIVE_WALK, ADAPTIVE_WALK, 0.0003, 0.004)
+    """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
+    random walk of the inertia, per sqrt(s). It is told the mode, the network is not. For a law of one's own it plans
+    with the first."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("rounds", "edits", "steps"):
+            check_whole(name, getattr(self, name))
+        check_whole("episodes, which are shared among the inertia modes,", self.episodes, low=len(self.modes))
+        check_number("taught", self.taught, high=1.0)
+        if len(self.walks) != len(INERTIA_MODES):
+            raise ValueError(
+                f"walks must be {len(INERTIA_MODES)} numbers, one for each of {INERTIA_MODES}, got {self.walks}"
+            )
+        for walk in self.walks:
+            check_number("walks", walk)
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Inertia modes that are flown."""
+        return INERTIA_MODES if self.inertia == "random" else (self.inertia,)
+
+
+def teach(network: Network | None, satellite: Satellite, settings: TeacherSettings, flown: int) -> Answers:
+    """Fly episodes, shared evenly among the inertia modes, and ask the teacher at every decision.
+
+    Args:
+        network: flies all but the share that the teacher does; None lets the teacher fly all.
+        satellite: to fly.
+        settings: of the run.
+        flown: how many of the training seeds to pass over, for others have had them.
+
+    Returns:
+        Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.side_value`; float32.
+    """
+    chosen, modes = seeds("training", settings.episodes, flown), settings.modes
+    shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes)]
+    said = [_teach(network, satellite, mode, settings, share) for mode, share in shares]
+    return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
+
+
+def _teach(
+    network: Network | None, satellite: Satellite, mode: str, settings: TeacherSettings, chosen: Sequence[int]
+) -> Answers:
+    """Episodes of one inertia mode, of which the teacher is told."""
+    env = SatInertiaIDVectorEnv(len(chosen), satellite, mode, settings.scenario, num_threads=1, include_covariance=True)
+    (mission,) = missions(env.problem)
+    loop = RateLoop([mission], settings.margin)
+    walk = settings.walks[INERTIA_MODES.index(mode) if mode in INERTIA_MODES else 0]  # type: ignore[arg-type]
+    teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin, walk=walk)
+    teacher.reset(mission, chosen)
+    observation, _ = env.reset(seed=chosen)
+    taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught
+    alive = np.ones(len(chosen), bool)
+    observations, advantages = [], []
+    for _ in range(mission.scenario.decisions):
+        wanted, side_value = teacher.weigh(observation)
+        observations.append(observation[alive])
+        advantages.append(side_value[alive].astype(np.float32))
+        command = wanted if network is None else np.where(taught, wanted, network(observation))
+        observation, _, terminated, *_ = env.step(loop(observation, command))
+        alive &= ~terminated
+    env.close()
+    return np.concatenate(observations), np.concatenate(advantages)
+
+
+def fly_round(
+    network: Network | None, settings: TeacherSettings, i: int, flown: Callable[[], object] = lambda: None
+) -> Answers:
+    """Flights of round i, satellites side by side, on seeds that no other round has; `flown` is called after each."""
+    s, pool = settings, settings.pool()
+
+    def fly(place: int) -> Answers:
+        said = teach(network, pool[place], s, ((s.seed * s.rounds + i) * len(pool) + place) * s.episodes)
+        flown()
+        return said
+
+    with ThreadPoolExecutor(os.cpu_count()) as executor:
+        flights = [executor.submit(fly, place) for place in range(len(pool))]
+        try:
+            said = [flight.result() for flight in flights]
+        except BaseException:
+            executor.shutdown(cancel_futures=True)  # who interrupts waits for the flights under way alone
+            raise
+    return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
+
+
+def answers(folder: Path, rounds: int) -> list[Answers]:
+    """What the teacher said in the whole rounds of a run, in the order they were flown.
+
+    Raises:
+        DamagedFileError: a round's file is damaged.
+    """
+    files = (_file(folder, i) for i in range(rounds))
+    return [_load(file) for file in itertools.takewhile(Path.exists, files)]
+
+
+def save_round(folder: Path, i: int, said: Answers) -> None:
+    """Keep what the teacher said in round i."""
+    buffer = io.BytesIO()
+    np.savez(buffer, observations=said[0], advantages=said[1])
+    write_bytes(_file(folder, i), buffer.getvalue())
+
+
+def _file(folder: Path, i: int) -> Path:
+    return folder / f"round-{i:02d}.npz"
+
+
+def _load(file: Path) -> Answers:
+    try:
+        with np.load(file, allow_pickle=False) as said:
+            return said["observations"], said["advantages"]
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        remedy = "remove it, and the run goes on from the round before"
+        raise DamagedFileError(f"{file} is damaged ({error}): {remedy}") from error
