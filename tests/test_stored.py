@@ -12,6 +12,7 @@ from agents.benchmark.report.leaderboard import leaderboard
 from agents.benchmark.report.page import page_data
 from agents.benchmark.results import read_results
 from agents.benchmark.summary.tables import print_comparison
+from baselines.command.cli import exit_code
 from satid_gym.files import DamagedFileError
 from satid_gym.policies.registry import BASELINES, PLANNERS, make_baseline
 from tests.cases import cases
@@ -216,7 +217,7 @@ def test_the_command_shows_stored_figures_and_overwrites_none(tmp_path, plain, f
     monkeypatch.setattr(Cell, "start", start)
     line = "--satellites cubesat --modes static step --episodes 2 --seed-split validation --output"
     monkeypatch.setattr("sys.argv", ["compare", *line.split(), str(tmp_path)])
-    assert main() == 0
+    assert exit_code(main) == 0
     assert set(flown) == set(SHORT)
     printed = capsys.readouterr().out
     assert "mpc (stored)" in printed
