@@ -43,7 +43,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/truth/faults": ("sensor_faults",),
     "core/truth/inertia_law": ("dynamics", "table_law"),
     "core/truth/integrator": ("dynamics",),
-    "core/truth/random_walk": ("sensors", "walk"),
+    "core/truth/random_walk": ("sensors",),
     "core/truth/sensors": ("sensors", "sensor_faults"),
     "core/truth/speed_limit": ("dynamics",),
     "core/belief/adaptation": ("walk",),
@@ -56,7 +56,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/reward": ("reward",),
     "bounds/envelope": ("bounds",),
     "bounds/posterior": ("bounds",),
-    "laws": ("laws", "config"),
+    "laws": ("laws", "config", "table_law"),
     "metrics": ("evaluation",),
 }
 GROUPS = {
