@@ -37,8 +37,8 @@ def test_information_is_that_of_the_rates_where_the_momentum_is_known() -> None:
     found = observability.information(flight, prior)["logdet"]
     moments = np.diag(satellite.inertia)
     variance = (5e-5 * moments) ** 2 + (2e-3 * 0.05) ** 2
-    centred = flight.course.rate[0] - flight.course.rate[0].mean(axis=0)
-    known = np.log(np.square(flight.course.rate[0]).sum(axis=0) * moments**2 / variance).sum()
+    centred = flight.motion.rate[0] - flight.motion.rate[0].mean(axis=0)
+    known = np.log(np.square(flight.motion.rate[0]).sum(axis=0) * moments**2 / variance).sum()
     unknown = np.log(np.square(centred).sum(axis=0) * moments**2 / variance).sum()
     assert unknown - 0.1 < found < known + 0.1
 

@@ -174,7 +174,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
         (("generalist", "--satellite", "microsatt"), "unknown satellite"),
         (("generalist", "--inertia", "stepp"), "unknown inertia mode"),
         (("generalist", "--scenario", "windy"), "unknown scenario"),
-        (("generalist", "--horizon", "10.5"), "must be a whole number"),
+        (("generalist", "--horizon", "10.5"), "must be an integer"),
         (("generalist", "--seed", "-1"), "seed must be"),
         (("generalist", "--every", "0"), "every must be at least 1"),
         (("generalist", "--size", "20"), "render_size must be"),

@@ -548,7 +548,7 @@ def test_truth_of_faults_is_not_in_the_observation():
         ({"gyro_bias_std": -1.0}, "gyro_bias_std must be finite and at least 0"),
         ({"time": (0.5,)}, r"time must be a range \(low, high\)"),
         ({"wheel_loss_size": (0.9, 0.1)}, "with low <= high"),
-        ({"torque_delay": (0, 1.5)}, "torque_delay must be whole numbers of samples"),
+        ({"torque_delay": (0, 1.5)}, r"torque_delay must be integers \(samples\)"),
         ({"torque_delay": (0, 11)}, "torque_delay must be at most a decision, 10 samples"),
         ({"gyro_dropouts": 0.5}, "Did you mean 'gyro_dropout'"),
     ],

@@ -154,5 +154,5 @@ def test_what_is_no_table_is_refused(changes, message):
 
 @cases(("horizon", "period"), [(10.0, 3.0), (1e6, 1.0), (1.0, 2.0)])
 def test_a_period_that_does_not_fill_the_horizon_is_refused(horizon, period):
-    with pytest.raises(ValueError, match="must be a whole number below"):
+    with pytest.raises(ValueError, match="must be an integer below"):
         InertiaLaw.sampled(lambda _: 1.0, horizon=horizon, period=period)

@@ -25,7 +25,7 @@ from typing import Any, Literal
 import numpy as np
 
 from baselines.command import cli
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 
 ROOT = Path(__file__).parents[2]
 PROMPT = 30.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
@@ -62,9 +62,9 @@ class Interruptions:
         Raises:
             ValueError: a number is out of range, or the folder holds such runs already.
         """
-        check_whole("kills", self.kills)
-        check_whole("every", self.every)
-        check_whole("steps", self.steps, low=self.every)
+        check_integer("kills", self.kills)
+        check_integer("every", self.every)
+        check_integer("steps", self.steps, low=self.every)
         for name in RUNS:
             if self.folder is not None and (self.folder / name).exists():
                 raise ValueError(f"{self.folder / name} exists already: remove it, or choose another --folder")

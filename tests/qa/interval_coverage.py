@@ -17,7 +17,7 @@ from tqdm import tqdm
 from agents.benchmark.summary.statistics import pair, record
 from baselines import make_baseline
 from baselines.command import cli
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import improvements, iqm
@@ -125,9 +125,9 @@ class Study:
         """
         check_names("satellite", (self.satellite,), SATELLITES)
         check_names("inertia mode", (self.inertia,), INERTIA_MODES)
-        check_whole("simulations", self.simulations)
-        check_whole("episodes", self.episodes, low=2)
-        check_whole("flights", self.flights)
+        check_integer("simulations", self.simulations)
+        check_integer("episodes", self.episodes, low=2)
+        check_integer("flights", self.flights)
 
 
 def real(study: Study) -> dict[str, Population]:

@@ -22,7 +22,7 @@ from tqdm import tqdm
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym import SatInertiaIDVectorEnv
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 from satid_gym.files import check_writable, write_json
 
 SAMPLES = 200  # of memory and speed over the run
@@ -69,7 +69,7 @@ class Haul:
     """One run, with what has been seen of it so far."""
 
     def __init__(self, settings: LongHaul) -> None:
-        check_whole("decisions", settings.decisions, low=settings.envs * SAMPLES)
+        check_integer("decisions", settings.decisions, low=settings.envs * SAMPLES)
         self.settings = settings
         self.env = SatInertiaIDVectorEnv(
             settings.envs, satellite="random", num_threads=settings.threads, autoreset_mode="NextStep", stagger=True

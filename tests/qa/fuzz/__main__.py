@@ -25,7 +25,7 @@ from tqdm import tqdm
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym import SatInertiaIDEnv
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.files import check_writable, write_json
 from tests.qa.fuzz.configuration import Configuration, Group, draw_configuration
@@ -60,16 +60,16 @@ class Fuzz:
         Raises:
             ValueError: a number is out of range.
         """
-        check_whole("configurations", self.configurations)
-        check_whole("decisions", self.decisions)
-        check_whole("first", self.first, low=0, high=self.configurations - 1)
+        check_integer("configurations", self.configurations)
+        check_integer("decisions", self.decisions)
+        check_integer("first", self.first, low=0, high=self.configurations - 1)
         if self.only is not None:
-            check_whole("only", self.only, low=0, high=self.configurations - 1)
+            check_integer("only", self.only, low=0, high=self.configurations - 1)
         if not self.wheels:
             raise ValueError("name at least one number of wheels")
         check_names("estimator", self.estimators, ESTIMATORS)
         for wheels in self.wheels:
-            check_whole("wheels", wheels, low=3)
+            check_integer("wheels", wheels, low=3)
 
     def groups(self) -> list[Group]:
         """Groups in the order flown: the fewest wheels first."""

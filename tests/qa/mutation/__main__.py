@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.files import check_writable, read_json, write_json
 from tests.qa.mutation.equivalent import EQUIVALENT
 from tests.qa.mutation.mutants import Mutant, find_mutants
@@ -92,8 +92,8 @@ class MutationArguments:
             ValueError: a module is unknown or a number below 1.
         """
         check_names("module", self.modules, TESTS)
-        check_whole("sample", self.sample)
-        check_whole("workers", self.workers)
+        check_integer("sample", self.sample)
+        check_integer("workers", self.workers)
 
 
 class Trials:
