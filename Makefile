@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare compare-all test coverage mutation lint format train benchmark docs dist clean
+.PHONY: setup compare compare-all test test-slow coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
 
@@ -22,14 +22,17 @@ compare: setup  ## the main job: learned, scripted and reactive policies on ever
 compare-all: setup  ## the same with the planners, which take four fifths of the time
 	$(RUN) -m agents.compare --all
 
-test: setup
-	$(RUN) -m pytest --numprocesses auto
+test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
+	$(RUN) -m pytest --numprocesses auto -m "not slow"
+
+test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
+	$(RUN) -m pytest --numprocesses auto -m slow
 
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
 	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov
 
 mutation: setup  ## whether the tests notice what is wrong (a quarter of an hour; stopped, it goes on where it was)
-	$(RUN) -m tests.mutation
+	$(RUN) -m tests.qa.mutation
 
 lint: setup
 	$(RUN) -m ruff check .
@@ -53,7 +56,7 @@ docs: setup  ## the documentation site, in build/site
 	@echo "build/site/index.html"
 
 dist: setup  ## wheel and sdist in dist/, built twice with the same bytes, the wheel used by itself
-	$(RUN) -m tests.distribution
+	$(RUN) -m tests.qa.distribution
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,1 @@
+"""Agents: learned policies, their training, benchmark and viewers."""

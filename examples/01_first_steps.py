@@ -30,5 +30,5 @@ print("the policy sees rates", observation[names["rate"]], "and uncertainty", ob
 print("estimate:", np.diag(info["inertia_estimate"]).round(4), "truth:", np.diag(info["inertia_true"]).round(4))
 
 # The truth alone, without noise or filter: momentum is conserved whatever the motors do.
-course = satid_gym.simulate(satid_gym.SATELLITES["cubesat"], 0.005 * np.ones((100, 3)), dt=0.1)
-print(f"after 10 s of torque: rate {course.omega[-1]} rad/s, momentum {np.linalg.norm(course.momentum[-1]):.1e} N m s")
+motion = satid_gym.simulate(satid_gym.SATELLITES["cubesat"], 0.005 * np.ones((100, 3)), dt=0.1)
+print(f"after 10 s of torque: rate {motion.omega[-1]} rad/s, momentum {np.linalg.norm(motion.momentum[-1]):.1e} N m s")

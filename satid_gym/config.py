@@ -76,7 +76,7 @@ def check_number(name: str, value: object, *, low: float = 0.0, strict: bool = F
     return number
 
 
-def check_whole(name: str, value: object, *, low: int = 1, high: int | None = None) -> int:
+def check_integer(name: str, value: object, *, low: int = 1, high: int | None = None) -> int:
     """`value` as an integer within [low, high].
 
     Raises:

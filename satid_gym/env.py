@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import numpy as np
 
-from satid_gym.config import check_whole, unknown_name
+from satid_gym.config import check_integer, unknown_name
 from satid_gym.estimators.protocol import Estimator, is_estimator
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
@@ -157,7 +157,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        self.render_size = check_whole("render_size", render_size, low=240, high=2160)
+        self.render_size = check_integer("render_size", render_size, low=240, high=2160)
         self._history: History | None = None
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing

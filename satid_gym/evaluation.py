@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from satid_gym import metrics
-from satid_gym.config import check_whole, unknown_name
+from satid_gym.config import check_integer, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.laws import PAPER_LAWS, InertiaLaw, LawRanges
 from satid_gym.policy import Policy, includes_covariance, missions
@@ -40,7 +40,7 @@ def seeds(split: Split, count: int, offset: int = 0) -> list[int]:
     """
     if not isinstance(split, str) or split not in FIRST_SEED:
         raise unknown_name("split of seeds", split, FIRST_SEED)
-    count, offset = check_whole("count", count, low=0), check_whole("offset", offset, low=0)
+    count, offset = check_integer("count", count, low=0), check_integer("offset", offset, low=0)
     if offset + count > SPLIT_SIZE:
         raise ValueError(f"a split has {SPLIT_SIZE} seeds, asked for {count} from {offset}")
     return list(range(FIRST_SEED[split] + offset, FIRST_SEED[split] + offset + count))

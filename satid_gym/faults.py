@@ -40,7 +40,7 @@ class Faults(Config):
         tachometer_stuck_duration: s.
         wheel_loss: probability that one wheel loses a part of its motor torque from some moment on.
         wheel_loss_size: part that it loses; 1 is a wheel that failed.
-        torque_delay: samples by which torque commands come late, one whole number an episode.
+        torque_delay: samples by which torque commands come late, an integer drawn for each episode.
 
     Raises:
         ValueError: a value is out of range.
@@ -67,7 +67,7 @@ class Faults(Config):
         for name in (*_SHARES, *_RANGES, "torque_delay"):
             self._check_range(name, high=1.0 if name in _SHARES else np.inf)
         if not all(isinstance(samples, (int, np.integer)) for samples in self.torque_delay):
-            raise ValueError(f"torque_delay must be whole numbers of samples, got {self.torque_delay!r}")
+            raise ValueError(f"torque_delay must be integers (samples), got {self.torque_delay!r}")
 
     def _check_range(self, name: str, high: float) -> None:
         value = getattr(self, name)

@@ -143,9 +143,7 @@ class InertiaLaw(Config):
         check_number("period of the inertia law", period, strict=True)
         count = horizon / period
         if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) < KNOTS_MAX:
-            raise ValueError(
-                f"horizon / period of the inertia law must be a whole number below {KNOTS_MAX}, got {count:g}"
-            )
+            raise ValueError(f"horizon / period of the inertia law must be an integer below {KNOTS_MAX}, got {count:g}")
         times = period * np.arange(round(count) + 1)
         return cls("table", times=times, values=np.array([function(float(t)) for t in times]), name=name)
 

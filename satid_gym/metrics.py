@@ -76,7 +76,7 @@ def bootstrap(values: np.ndarray, *, trim: float = 0.0, seed: int = 0, resamples
     """95 % interval (low, high) of a mean over independent episodes (N,), by the studentised bootstrap.
 
     For skewed errors its coverage is better than that of percentile and BCa intervals, as measured by
-    `python -m tests.interval_coverage`. On either side it is at least as long as Student's t interval, because a
+    `python -m tests.qa.interval_coverage`. On either side it is at least as long as Student's t interval, because a
     sample may not show the tails. With fewer than 20 episodes it is Student's t interval. If all values that the mean
     keeps are equal, both ends are that value.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym import sources
-from satid_gym.config import Config, check_whole, unknown_name
+from satid_gym.config import Config, check_integer, unknown_name
 from satid_gym.core.observation import layout
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, products_of_inertia
 from satid_gym.estimators.registry import estimator_settings, preset_name
@@ -141,7 +141,7 @@ def problem(
     """
     world = resolve_scenario(scenario)
     if max_episode_steps is not None:
-        steps = check_whole("max_episode_steps", max_episode_steps)
+        steps = check_integer("max_episode_steps", max_episode_steps)
         world = world.replace(horizon=steps * world.decision_period)
     satellites = resolve_satellites(satellite)
     for name in world.prior_scale:

@@ -32,7 +32,7 @@ class Scenario(Config):
         name: what tables call it.
         decision_period: s between two actions.
         sample_period: s between two readings and filter steps; it divides the decision period.
-        horizon: s, a whole number of decisions.
+        horizon: s, an integer multiple of decision_period.
         inertia_std: std of the logarithm of the true moments about nominal, by axis.
         tilt_std: std of the rotation of the true principal axes about each body axis, rad.
         prior_std: std of the filter's prior on each moment, relative to its mean.
@@ -159,7 +159,7 @@ def _whole(name: str, ratio: float, most: int) -> None:
     if ratio > most:
         raise ValueError(f"{name} must be at most {most}, got {ratio:g}")
     if abs(ratio - round(ratio)) > 1e-9 * ratio or round(ratio) < 1:
-        raise ValueError(f"{name} must be a whole number, got {ratio:g}")
+        raise ValueError(f"{name} must be an integer, got {ratio:g}")
 
 
 SCENARIOS: dict[str, Scenario] = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.config import check_number, check_whole, real_array
+from satid_gym.config import check_integer, check_number, real_array
 from satid_gym.core import kernels
 from satid_gym.disturbance import Disturbance
 from satid_gym.laws import InertiaLaw
@@ -85,7 +85,7 @@ def simulate(
         raise ValueError(f"torque must have shape (N, {wheels.count}), got {torque.shape}")
     dt = check_number("dt", dt, strict=True)
     if substeps is not None:
-        substeps = check_whole("substeps", substeps)
+        substeps = check_integer("substeps", substeps)
     if disturbance is not None and not isinstance(disturbance, Disturbance):
         disturbance = Disturbance(constant=real_array("disturbance", disturbance, (3,)))
     rows = new_plant(satellite, law, disturbance)

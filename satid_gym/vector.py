@@ -13,7 +13,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from satid_gym.config import check_flag, check_whole, unknown_name
+from satid_gym.config import check_flag, check_integer, unknown_name
 from satid_gym.core.records import Autoreset
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
@@ -65,9 +65,9 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         include_covariance: bool = False,
     ) -> None:
         super().__init__()
-        self.num_envs = check_whole("num_envs", num_envs)
+        self.num_envs = check_integer("num_envs", num_envs)
         if num_threads is not None:
-            num_threads = check_whole("num_threads", num_threads)
+            num_threads = check_integer("num_threads", num_threads)
         if render_mode is not None:
             raise ValueError(
                 f"unknown render mode {render_mode!r} of the vector environment: it draws nothing, so expected None; "

@@ -1,4 +1,4 @@
-"""What several test modules fly."""
+"""Satellites that several test modules fly, the browser, and the lane without the compiler."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from satid_gym import SATELLITES, ReactionWheels, Satellite
 hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("suite")
 
-_FLYING = r"^(from|import) (agents|baselines|tests|satid_gym\.(policies|control))\b"
+_FLYING = r"^(from|import) (agents|baselines|tests\.(qa|golden)|satid_gym\.(policies|control))\b"
 if config.DISABLE_JIT:  # tests of baselines, agents and of the commands beside the tests fly thousands of episodes
     collect_ignore = [
         path.name

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.core import algebra
 from satid_gym.satellite import inertia_tensor
+from tests.cases import cases
 
 SIZES = (3, 6)
 
@@ -77,12 +78,9 @@ def positive(rng: np.random.Generator, size: int = 3) -> np.ndarray:
     return a @ a.T + 0.1 * np.eye(size)
 
 
-@pytest.fixture(params=range(5))
-def rng(request) -> np.random.Generator:
-    return np.random.default_rng(request.param)
-
-
-def test_matrices_of_three(rng):
+@cases("seed", range(5))
+def test_matrices_of_three(seed):
+    rng = np.random.default_rng(seed)
     s, b, k = symmetric(rng), symmetric(rng), rng.normal()
     inverse, determinant = run_unary(s)
     np.testing.assert_allclose(inverse, np.linalg.inv(s), rtol=1e-10, atol=1e-12)
@@ -93,14 +91,18 @@ def test_matrices_of_three(rng):
     np.testing.assert_allclose(shifted, k * np.eye(3) + s, rtol=0, atol=1e-14)
 
 
-def test_vectors_of_three(rng):
+@cases("seed", range(5))
+def test_vectors_of_three(seed):
+    rng = np.random.default_rng(seed)
     s, a, b, k = symmetric(rng), rng.normal(size=3), rng.normal(size=3), rng.normal()
     expected = [s @ a, np.cross(a, b), k * a + b, a + b, a - b]
     np.testing.assert_allclose(run_vectors(k, s, a, b), expected, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_factor_gives_determinant_and_mahalanobis_distance(size, rng):
+@cases("size", SIZES)
+@cases("seed", range(5))
+def test_factor_gives_determinant_and_mahalanobis_distance(size, seed):
+    rng = np.random.default_rng(seed)
     a, error = positive(rng, size + 4), rng.normal(size=size)
     block = a[2 : 2 + size, 2 : 2 + size]
     product, distance = run_factor(a, 2, size, error.copy())
@@ -108,8 +110,10 @@ def test_factor_gives_determinant_and_mahalanobis_distance(size, rng):
     assert distance == pytest.approx(error @ np.linalg.solve(block, error), rel=1e-10)
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_factor_refuses_what_is_not_positive_definite(size, rng):
+@cases("size", SIZES)
+@cases("seed", range(5))
+def test_factor_refuses_what_is_not_positive_definite(size, seed):
+    rng = np.random.default_rng(seed)
     values = np.linspace(-1e-6, 1.0, size)
     q = np.linalg.qr(rng.normal(size=(size, size)))[0]
     product, _ = run_factor((q * values) @ q.T, 0, size, np.zeros(size))
@@ -122,10 +126,12 @@ def test_factor_refuses_nan():
     assert not run_factor(a, 0, 3, np.zeros(3))[0] > 0.0
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("spread", [0.0, 3.0, 8.0])
-def test_largest_eigenvalue(size, spread, rng):
+@cases("size", SIZES)
+@cases("spread", [0.0, 3.0, 8.0])
+@cases("seed", range(5))
+def test_largest_eigenvalue(size, spread, seed):
     """Up to eight decades between the eigenvalues, as in a covariance that has converged on some axes."""
+    rng = np.random.default_rng(seed)
     values = 10.0 ** -np.linspace(0.0, spread, size)
     q = np.linalg.qr(rng.normal(size=(size, size)))[0]
     a = (q * values) @ q.T

@@ -116,6 +116,7 @@ CALM = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("satellite", ["cubesat", "smallsat", "pyramid"])
 def test_rate_loop_reaches_its_command_where_nothing_disturbs_it(satellite, pyramid):
     constants, parameters = (pyramid, "full") if satellite == "pyramid" else (satellite, "principal")

@@ -9,7 +9,7 @@ import pytest
 
 from satid_gym import SATELLITES, simulate
 from satid_gym.bounds import (
-    Course,
+    TrueMotion,
     envelope_bound,
     episode_bounds,
     population_bound,
@@ -29,11 +29,11 @@ RATES = np.array([0.02, -0.03, 0.025])
 
 def fly(
     satellite: Satellite, torque: np.ndarray, disturbance: tuple[float, float, float] = (2e-5, -1e-5, 3e-5)
-) -> Course:
+) -> TrueMotion:
     """The truth of one episode under motor torque (T - 1, n)."""
     path = simulate(satellite, torque, DT, omega0=0.2 * RATES, wheel_speed0=np.full(3, 20.0), disturbance=disturbance)
     tau = np.broadcast_to(disturbance, path.omega.shape)
-    return Course(
+    return TrueMotion(
         momentum=path.momentum[None],
         rate=path.omega[None],
         wheel_speed=path.wheel_speed[None],
@@ -53,24 +53,24 @@ def square(satellite: Satellite, seconds: int, period: int = 6) -> np.ndarray:
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 def test_posterior_bound_is_the_information_recursion(skewed: Satellite, parameters: str, walk: float) -> None:
     satellite = skewed if parameters == "full" else SATELLITES["microsat"]
-    course = fly(satellite, 0.5 * square(satellite, 5))
-    inertia = np.linspace(1.0, 1.2, course.rate.shape[1])[None, :, None, None] * course.inertia
-    free = course.momentum - course.wheel_speed @ (satellite.wheels.axes * satellite.wheels.inertia).T
-    course = replace(course, inertia=inertia, rate=np.linalg.solve(inertia, free[..., None])[..., 0])
+    motion = fly(satellite, 0.5 * square(satellite, 5))
+    inertia = np.linspace(1.0, 1.2, motion.rate.shape[1])[None, :, None, None] * motion.inertia
+    free = motion.momentum - motion.wheel_speed @ (satellite.wheels.axes * satellite.wheels.inertia).T
+    motion = replace(motion, inertia=inertia, rate=np.linalg.solve(inertia, free[..., None])[..., 0])
     prior = prior_of(satellite, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
     model = MomentumModel(settings, prior)
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][: model.p]
-    spin = course.wheel_speed[0] @ model.spin.T
+    spin = motion.wheel_speed[0] @ model.spin.T
 
     def state(k: int) -> np.ndarray:
-        theta = [course.inertia[0, k, i, j] for i, j in places]
-        return np.concatenate([course.momentum[0, k], theta, course.torque[0, k]])
+        theta = [motion.inertia[0, k, i, j] for i, j in places]
+        return np.concatenate([motion.momentum[0, k], theta, motion.torque[0, k]])
 
     told = prior_of(satellite.replace(name="truth"), Scenario())
-    assert np.array_equal(told.inertia, course.inertia[0, 0])  # prior mean is the truth, as the bound takes it
-    covariance = model.start(course.rate[0, 0], course.wheel_speed[0, 0])[1]
-    out = posterior_bound(course, prior, settings, DT)[0]
+    assert np.array_equal(told.inertia, motion.inertia[0, 0])  # prior mean is the truth, as the bound takes it
+    covariance = model.start(motion.rate[0, 0], motion.wheel_speed[0, 0])[1]
+    out = posterior_bound(motion, prior, settings, DT)[0]
     information = np.linalg.inv(covariance)
     for k in range(1, len(out)):
         before, here = state(k - 1), state(k)
@@ -97,22 +97,22 @@ def test_rate_cap_by_hand() -> None:
     satellite = SATELLITES["cubesat"]
     still = np.zeros((1, 40, 3))
     inertia = np.broadcast_to(satellite.inertia, (1, 40, 3, 3))
-    course = Course(momentum=still, rate=still, wheel_speed=still, inertia=inertia, torque=still)
-    cap = rate_cap(course, satellite, DT)[0]
+    motion = TrueMotion(momentum=still, rate=still, wheel_speed=still, inertia=inertia, torque=still)
+    cap = rate_cap(motion, satellite, DT)[0]
     # 0.01 N m on 0.26 - 1e-4 kg m^2: 0.0385 rad/s after 1 s, at the limit of 0.05 after 1.3 s
     assert cap[10, 0] == pytest.approx(0.01 / 0.2599, rel=1e-12)
     assert cap[13, 0] == pytest.approx(0.05)
     tight = Scenario(wheel_speed_scale=0.1).operate(satellite)
     # 1e-4 kg m^2 at 46 rad/s: 4.6e-3 N m s, 0.0177 rad/s of 0.26 kg m^2
-    assert rate_cap(course, tight, DT)[0, -1, 0] == pytest.approx(4.6e-3 / 0.26)
+    assert rate_cap(motion, tight, DT)[0, -1, 0] == pytest.approx(4.6e-3 / 0.26)
 
 
-def varying(satellite: Satellite, episodes: int = 2) -> Course:
+def varying(satellite: Satellite, episodes: int = 2) -> TrueMotion:
     """Two seconds of courses whose inertia grows by 10 %, from rates and torques of their own."""
     rng = np.random.default_rng(0)
     shape = (episodes, 21, 3)
     growth = np.linspace(1.0, 1.1, 21)[None, :, None, None] * np.linspace(1.0, 1.2, episodes)[:, None, None, None]
-    return Course(
+    return TrueMotion(
         momentum=0.05 * rng.normal(size=shape),
         rate=0.5 * satellite.rate_limit * rng.normal(size=shape),
         wheel_speed=50.0 * rng.normal(size=shape),
@@ -141,20 +141,20 @@ def test_sample_information_is_the_largest_inside_the_box(skewed: Satellite, par
 
 def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
     """The three limits of the module's docstring, instant by instant, each of which binds somewhere."""
-    course, wheels = varying(skewed), skewed.wheels
+    motion, wheels = varying(skewed), skewed.wheels
     limits = set()
     for scale in (1.0, 0.02):
         satellite = skewed.replace(wheels=wheels.replace(max_speed=scale * wheels.max_speed), rate_limit=0.02)
         stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed * scale)
-        J_free = course.inertia - (wheels.axes * wheels.inertia) @ wheels.axes.T
-        cap = rate_cap(course, satellite, DT)
+        J_free = motion.inertia - (wheels.axes * wheels.inertia) @ wheels.axes.T
+        cap = rate_cap(motion, satellite, DT)
         for i in range(2):
-            tau = np.linalg.norm(course.torque[i], axis=1).max()
+            tau = np.linalg.norm(motion.torque[i], axis=1).max()
             for k in range(21):
-                momentum = np.linalg.norm(course.momentum[i, 0]) + k * DT * tau
-                storage = np.abs(np.linalg.inv(course.inertia[i, k])) @ (momentum + stored)
+                momentum = np.linalg.norm(motion.momentum[i, 0]) + k * DT * tau
+                storage = np.abs(np.linalg.inv(motion.inertia[i, k])) @ (momentum + stored)
                 push = np.abs(wheels.axes) @ wheels.max_torque + momentum * np.sqrt(3.0) * 0.02 + tau
-                reached = np.abs(J_free[i, 0] @ course.rate[i, 0]) + k * DT * push
+                reached = np.abs(J_free[i, 0] @ motion.rate[i, 0]) + k * DT * push
                 torque = np.abs(np.linalg.inv(J_free[i, k])) @ reached
                 candidates = np.array([np.full(3, 0.02), storage, torque])
                 limits |= set(candidates.argmin(axis=0).tolist())
@@ -165,17 +165,17 @@ def test_rate_cap_by_its_definition(skewed: Satellite) -> None:
 @pytest.mark.parametrize(("parameters", "law_known"), [("principal", False), ("principal", True), ("full", False)])
 def test_envelope_bound_is_a_scalar_riccati_equation(skewed: Satellite, parameters: str, law_known: bool) -> None:
     """1/v' = 1 / (g^2 (v + walk)) + information, parameter by parameter."""
-    course, prior = varying(skewed), prior_of(skewed, Scenario())
+    motion, prior = varying(skewed), prior_of(skewed, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.01)
     p = 3 if parameters == "principal" else 6
-    information = sample_information(rate_cap(course, skewed, DT), course.inertia, prior, p)
-    out = envelope_bound(course, skewed, prior, settings, DT, law_known=law_known)
+    information = sample_information(rate_cap(motion, skewed, DT), motion.inertia, prior, p)
+    out = envelope_bound(motion, skewed, prior, settings, DT, law_known=law_known)
     walk = (0.01 * prior.theta_scale(parameters)) ** 2 * DT
     for i in range(2):
         precision = 1.0 / prior.prior_theta_std(parameters) ** 2 + information[i, 0]
         np.testing.assert_allclose(out[i, 0], 1.0 / precision, rtol=1e-12)
         for k in range(1, 21):
-            growth = course.inertia[i, k, 0, 0] / course.inertia[i, k - 1, 0, 0] if law_known else 1.0
+            growth = motion.inertia[i, k, 0, 0] / motion.inertia[i, k - 1, 0, 0] if law_known else 1.0
             precision = 1.0 / (growth**2 * (1.0 / precision + walk)) + information[i, k]
             np.testing.assert_allclose(out[i, k], 1.0 / precision, rtol=1e-10)
 
@@ -183,7 +183,7 @@ def test_envelope_bound_is_a_scalar_riccati_equation(skewed: Satellite, paramete
 def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
     """Without walk and without noise in the momentum, a law that doubles J doubles theta's standard deviations.
 
-    Against the course whose inertia stays: with no information in between, the factor is that of the law.
+    Against the motion of a body whose inertia stays: with no information in between, the factor is that of the law.
     """
     still = varying(skewed, 1)
     zero = np.zeros_like(still.rate)
@@ -191,28 +191,28 @@ def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
     grown = inertia * np.linspace(1.0, 2.0, 21)[None, :, None, None]
     prior = prior_of(skewed, Scenario()).replace(gyro_noise_std=1e3)
     settings = MomentumEKFSettings(inertia_walk=0.0)
-    course = Course(momentum=zero, rate=zero, wheel_speed=zero, inertia=grown, torque=zero)
-    known = posterior_bound(course, prior, settings, DT, law_known=True)[0]
+    motion = TrueMotion(momentum=zero, rate=zero, wheel_speed=zero, inertia=grown, torque=zero)
+    known = posterior_bound(motion, prior, settings, DT, law_known=True)[0]
     np.testing.assert_allclose(known[-1], 4.0 * known[0], rtol=1e-9)
     np.testing.assert_allclose(known[10], 2.25 * known[0], rtol=1e-9)
-    unknown = posterior_bound(course, prior, settings, DT)[0]
+    unknown = posterior_bound(motion, prior, settings, DT)[0]
     np.testing.assert_allclose(unknown[-1], unknown[0], rtol=1e-9)
     deployed = inertia.copy()
     deployed[:, 10:, 0, 2] = deployed[:, 10:, 2, 0] = 0.5
-    course = Course(momentum=zero, rate=zero, wheel_speed=zero, inertia=deployed, torque=zero)
+    motion = TrueMotion(momentum=zero, rate=zero, wheel_speed=zero, inertia=deployed, torque=zero)
     with pytest.raises(ValueError, match=r'factor on each parameter, and Jxz passes through zero.* "principal"'):
-        posterior_bound(course, prior, settings, DT, law_known=True)
+        posterior_bound(motion, prior, settings, DT, law_known=True)
 
 
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 def test_the_bound_is_taken_at_the_truth(skewed: Satellite, parameters: str) -> None:
     """What the filter was told of the mean does not matter, only how far it was told to trust it."""
-    course, prior = varying(skewed), prior_of(skewed, Scenario())
+    motion, prior = varying(skewed), prior_of(skewed, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.0)
     other = prior.replace(
         inertia=1.25 * prior.inertia, prior_std=prior.prior_std / 1.25, product_std=prior.product_std / 1.25
     )
-    first, second = (posterior_bound(course, told, settings, DT) for told in (prior, other))
+    first, second = (posterior_bound(motion, told, settings, DT) for told in (prior, other))
     np.testing.assert_allclose(second, first, rtol=1e-9, atol=1e-12 * first.max())
 
 
@@ -238,15 +238,15 @@ def test_relative_bounds_by_hand() -> None:
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 def test_reference_limit_is_that_of_a_scalar_filter(skewed: Satellite, parameters: str) -> None:
     """Gain k of the filter's Riccati equation: lag' = (1 - k) (lag - change), noise' = (1 - k)^2 noise + k^2 R."""
-    course, prior = varying(skewed), prior_of(skewed, Scenario())
+    motion, prior = varying(skewed), prior_of(skewed, Scenario())
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=0.01)
     p = 3 if parameters == "principal" else 6
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][:p]
-    information = sample_information(rate_cap(course, skewed, DT), course.inertia, prior, p)
-    out = reference_limit(course, skewed, prior, settings, DT)
+    information = sample_information(rate_cap(motion, skewed, DT), motion.inertia, prior, p)
+    out = reference_limit(motion, skewed, prior, settings, DT)
     walk = (0.01 * prior.theta_scale(parameters)) ** 2 * DT
     for i in range(2):
-        theta = np.array([course.inertia[i, :, a, b] for a, b in places]).T
+        theta = np.array([motion.inertia[i, :, a, b] for a, b in places]).T
         error = np.array([prior.inertia[a, b] for a, b in places]) - theta[0]
         variance, noise = prior.prior_theta_std(parameters) ** 2, np.zeros(p)
         for k in range(21):
@@ -267,14 +267,14 @@ def test_envelope_bound_is_below_the_posterior_bound(parameters: str, walk: floa
     settings = MomentumEKFSettings(parameters=parameters, inertia_walk=walk)
     prior = prior_of(satellite, Scenario())
     for period, amplitude in ((4, 0.5), (8, 0.3), (12, 0.2)):
-        course = fly(satellite, amplitude * square(satellite, 30, period))
-        assert np.abs(course.rate).max() < satellite.rate_limit
-        posterior = posterior_bound(course, prior, settings, DT)
-        least = envelope_bound(course, satellite, prior, settings, DT)
+        motion = fly(satellite, amplitude * square(satellite, 30, period))
+        assert np.abs(motion.rate).max() < satellite.rate_limit
+        posterior = posterior_bound(motion, prior, settings, DT)
+        least = envelope_bound(motion, satellite, prior, settings, DT)
         assert (np.diagonal(posterior, axis1=2, axis2=3) >= least * (1 - 1e-9)).all()
 
 
-def swings(satellite: Satellite, commands: np.ndarray) -> Course:
+def swings(satellite: Satellite, commands: np.ndarray) -> TrueMotion:
     """Truth of plans (N, B, 3): rates that go to each command as fast as torque allows, and stay a second.
 
     The rates are given, so M follows from dM/dt = M x omega alone, and the wheels from a = M - J omega. Plans
@@ -298,7 +298,7 @@ def swings(satellite: Satellite, commands: np.ndarray) -> Course:
     ).all((1, 2))
     momentum[~flown] = np.nan
     shape = (*rate.shape[:2], 3, 3)
-    return Course(
+    return TrueMotion(
         momentum=momentum,
         rate=rate,
         wheel_speed=speed,
@@ -307,6 +307,7 @@ def swings(satellite: Satellite, commands: np.ndarray) -> Course:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cubesat", "smallsat"])
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 @pytest.mark.compiled
@@ -320,10 +321,10 @@ def test_no_excitation_that_search_finds_beats_the_envelope_bound(name: str, wal
     least = population_bound(envelope_bound(first, satellite, prior, settings, DT), first.inertia)[-1]
     for _ in range(20):
         plans = mean + std * rng.standard_normal((64, 30, 3))
-        course = swings(satellite, plans)
-        flown = np.isfinite(course.momentum).all((1, 2))
+        motion = swings(satellite, plans)
+        flown = np.isfinite(motion.momentum).all((1, 2))
         assert flown.sum() > 12
-        covariance = posterior_bound(course, prior, settings, DT)[:, -1]
+        covariance = posterior_bound(motion, prior, settings, DT)[:, -1]
         error = np.where(flown, np.trace(covariance, axis1=1, axis2=2), np.inf) / np.linalg.norm(satellite.inertia) ** 2
         elite = plans[np.argsort(error)[:12]]
         mean, std = elite.mean(axis=0), elite.std(axis=0) + 0.05

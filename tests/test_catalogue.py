@@ -13,6 +13,7 @@ from baselines.tuning.open_loop_design import Design
 from satid_gym import SATELLITES, Satellite, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.satellite import BENCHMARK_SATELLITES
+from tests.cases import cases
 
 WHEELS = SATELLITES["microsat"].wheels
 MEGASAT = Satellite("megasat", [50.0, 60.0, 70.0], WHEELS)
@@ -65,7 +66,7 @@ def add(request):
     SATELLITES.update(own)
 
 
-@pytest.mark.parametrize("of", [draws, pool, cells])
+@cases("of", [draws, pool, cells])
 def test_a_satellite_added_to_the_catalogue_changes_nothing(of, add):
     before = of()
     satellite = add()

@@ -17,6 +17,8 @@ from agents.training.teacher import answers
 from baselines.command.cli import exit_code
 from satid_gym.policies.learned import LearnedPolicy
 
+pytestmark = pytest.mark.slow  # trains
+
 SMALL = ImitationSettings(
     satellite="cubesat",
     wheel_scales=(1.0,),

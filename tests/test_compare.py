@@ -9,11 +9,13 @@ import sys
 import numpy as np
 import pytest
 
-from agents.benchmark import compare, tables
-from agents.benchmark.statistics import pair, record
+from agents.benchmark import compare
+from agents.benchmark.summary import tables
+from agents.benchmark.summary.statistics import pair, record
 from baselines.command import provenance
 from baselines.command.cli import exit_code
 from satid_gym import files
+from tests.cases import cases
 
 EPISODES = 6
 
@@ -64,7 +66,7 @@ def test_record_by_hand():
     assert (r["outside_fraction"], r["information_nats"], r["effort"], r["reward"]) == (0.01, 100.0, 0.5, 10.0)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("times", "median"),
     [([1.0, 2.0, np.inf], 2.0), ([1.0, np.inf, np.inf], None), ([1.0, 2.0, np.inf, np.inf], None)],
 )
@@ -177,7 +179,7 @@ def test_tables_fit_a_hundred_columns_and_name_their_source(run):
     assert "…" not in printed
 
 
-@pytest.mark.parametrize(
+@cases(
     ("fraction", "text"), [(0.0009876, ".099"), (0.00118, ".118"), (0.012345, "1.23"), (0.2, "20.0"), (1.0, "100.0")]
 )
 def test_percent(fraction, text):
@@ -187,7 +189,7 @@ def test_percent(fraction, text):
 # what it refuses
 
 
-@pytest.mark.parametrize(
+@cases(
     ("line", "message"),
     [
         ("--satellites cubsat", "unknown satellite 'cubsat'; expected one of ['cubesat', 'microsat', 'smallsat']"),
@@ -207,7 +209,7 @@ def test_what_cannot_be_compared_is_one_line_and_exit_code_2(line, message, caps
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
+@cases(
     ("line", "said"),
     [
         (["--episodes", "5", "--output", "results/x"], "--episodes 5 --output results/x"),

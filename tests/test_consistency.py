@@ -1,4 +1,4 @@
-"""Whether the filter's uncertainty is honest, and whether anything but belief and measurement reaches the agent.
+"""Consistency of the filters' uncertainty, and the wall: belief and measurement alone reach the agent.
 
 NEES is per degree of freedom. Over N episodes at one time its average is chi-square with 3 N degrees of freedom
 over 3 N where the filter is consistent; at different times it is correlated, so that several times are several
@@ -24,6 +24,7 @@ from satid_gym.laws import INERTIA_MODES, PAPER_LAWS
 from satid_gym.metrics import final_error
 from satid_gym.scenario import prior_of
 from satid_gym.templates import build_templates
+from tests.cases import cases
 
 EPISODES = 100
 PARTS = layout(3, 3)
@@ -201,7 +202,7 @@ QUIET = {
 }
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
+@cases("satellite", SATELLITES)
 def test_a_body_at_rest_under_perfect_sensors_tells_nothing(satellite):
     scenario = QUIET | {"gyro_noise_std": 0.0, "tachometer_noise_std": 0.0}
     flights = fly(coast, satellite, "static", scenario=scenario, estimator=STATIC, episodes=5)
@@ -210,7 +211,7 @@ def test_a_body_at_rest_under_perfect_sensors_tells_nothing(satellite):
     assert (flights.error < 0.8).all()
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
+@cases("satellite", SATELLITES)
 def test_a_body_at_rest_under_real_sensors_tells_almost_nothing(satellite):
     flights = fly(coast, satellite, "static", scenario=QUIET, estimator=STATIC, episodes=20)
     assert flights.std.mean() > 0.9
@@ -319,11 +320,11 @@ class Oracle(MomentumEKF):
         return mean
 
 
-@pytest.mark.parametrize(
+@cases(
     ("mode", "low", "high"),
     [("static", 0.0, 1e-12), ("step", 0.09085, 0.09095), ("drift", 0.04305, 0.04315), ("periodic", 0.0184, 0.0191)],
 )
-@pytest.mark.parametrize("given", ["options", "scenario"])
+@cases("given", ["options", "scenario"])
 def test_a_perfect_constant_estimate_scores_what_the_law_is_off_by(mode, low, high, given):
     """Over the last 20 %: 1/11 on the step, 0.045/1.045 on the drift, 0.03 (2/pi) on the periodic law."""
     truth = np.array([6.0, 5.5, 5.0])

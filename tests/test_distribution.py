@@ -1,10 +1,12 @@
-"""Packaging: the short form of `python -m tests.distribution`, which also compiles and flies what it installed."""
+"""Packaging: the short form of `python -m tests.qa.distribution`, which also compiles and flies what it installed."""
 
 import sys
 
 import pytest
 
-from tests.distribution import FLY, ROOT, build, call, contents, install, unpack
+from tests.qa.distribution import FLY, ROOT, build, call, contents, install, unpack
+
+pytestmark = pytest.mark.slow  # builds and installs
 
 
 @pytest.fixture(scope="module")
@@ -23,23 +25,18 @@ def test_the_sdist_builds_the_same_bytes_elsewhere(built, tmp_path):
     assert sdist_again.read_bytes() == sdist.read_bytes()
 
 
-def test_the_wheel_holds_the_library_alone(built):
+def test_wheel_and_sdist_hold_what_they_should_and_can_be_published(built):
+    """The wheel the library alone, the sdist what it takes to test."""
     names = contents(built[0])
     assert {name.split("/")[0] for name in names} == {"satid_gym", "satid_gym-0.1.0.dist-info"}
     assert "satid_gym/py.typed" in names
     assert "satid_gym-0.1.0.dist-info/licenses/LICENSE" in names
     assert not [name for name in names if "__pycache__" in name or name.endswith((".nbi", ".nbc"))]
-
-
-def test_the_sdist_holds_what_it_takes_to_test(built):
     source = built[2]
     data = ("docs/results/compare.json", *(f"satid_gym/policies/{name}.json" for name in ("tuned", "pretrained/ppo")))
     for name in ("satid_gym", *data, "tests/conftest.py", "constraints.txt", "Makefile", "LICENSE", "README.md"):
         assert (source / name).exists(), name
     assert not [p.name for p in source.iterdir() if p.name in ("runs", "results", ".venv", "build", "dist")]
-
-
-def test_its_metadata_can_be_published(built):
     assert call(sys.executable, "-m", "twine", "check", "--strict", *built[:2]).count("PASSED") == 2
 
 

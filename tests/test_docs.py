@@ -27,6 +27,7 @@ from agents.training.ppo import PPOSettings
 from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.gym_api import INFO_KEYS, RESET_OPTIONS
 from satid_gym.problem import problem
+from tests.cases import case, cases
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "docs").glob("*.md")) if path.name != "README.md"}
 PAGES |= {f"notes/{path.name}": path.read_text() for path in sorted((ROOT / "docs" / "notes").glob("*.md"))}
@@ -52,9 +53,6 @@ def commands(text):
     return [words for words in (shlex.split(line, comments=True) for line in [*lines, *named]) if words]
 
 
-COMMANDS = sorted({shlex.join(words) for text in PAGES.values() for words in commands(text)})
-
-
 # code
 
 
@@ -63,6 +61,7 @@ def _one_thread_for_torch():
     torch.set_num_threads(1)  # the tests run side by side: threads that wait for each other's cores take a minute
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page, text in PAGES.items() if blocks(text, "python")])
 def test_code_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -85,11 +84,13 @@ def test_first_steps():
     assert left["info"]["relative_error"] < 0.01
 
 
+@pytest.mark.slow
 def test_a_policy_trained_in_seconds_beats_scripted_ones():
     errors = example("02_train_your_own_policy.py")["errors"]
     assert errors["mine"] < min(errors["sine"], errors["staggered_square"])
 
 
+@pytest.mark.slow
 def test_own_satellite_and_estimator():
     errors = example("03_bring_your_own_satellite_and_estimator.py")["errors"]
     assert len(errors) == 2
@@ -142,9 +143,8 @@ def extras(requirement):
     return re.findall(r"[\w-]+", requirement.partition("[")[2])
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_command_exists(command, tmp_path, monkeypatch):
-    words = shlex.split(command)
+def check_command(words, folder, monkeypatch):
+    """A line of a page names a program, a module and options that there are; nothing is run."""
     if words[0].startswith("PYTHONPATH="):
         words = words[1:]
     program, *rest = words
@@ -159,7 +159,7 @@ def test_command_exists(command, tmp_path, monkeypatch):
     elif program == "python" and rest[0] != "-m":
         assert (ROOT / rest[0]).is_file()
     else:
-        assert program == "python", f"{command}: no check for {program}; add one to this test"
+        assert program == "python", f"no check for {program}; add one to this test"
         module, arguments = rest[1], rest[2:]
         assert importlib.util.find_spec(module), f"there is no module {module}"
         if module == "pytest":
@@ -167,11 +167,11 @@ def test_command_exists(command, tmp_path, monkeypatch):
         elif not has_options(module):
             assert not arguments, f"{module} takes no options"
         elif arguments:
-            monkeypatch.chdir(tmp_path)
+            monkeypatch.chdir(folder)
             for name, text in WRITTEN:
-                (tmp_path / name).write_text(text)
+                (folder / name).write_text(text)
             if "--resume" in arguments:
-                run = tmp_path / arguments[arguments.index("--run") + 1]
+                run = folder / arguments[arguments.index("--run") + 1]
                 run.mkdir(parents=True)
                 (run / "run.json").write_text(json.dumps({"settings": PPOSettings().to_dict()}))
             with pytest.raises(ParsedError):
@@ -181,6 +181,38 @@ def test_command_exists(command, tmp_path, monkeypatch):
 WRITTEN = re.findall(
     r'Path\("([\w.]+)"\)\.write_text\("""(.*?)"""\)', PAGES["extend.md"], flags=re.DOTALL
 )  # files to fly
+
+
+def check_files(text):
+    """Files and folders of the checkout that a page names."""
+    named = re.findall(r"`((?:satid_gym|agents|baselines|tests|docs|examples)/[\w/.-]*)`", text)
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def check_links(page):
+    """Pages and headings that a page links to."""
+    here = ROOT / (page if page in ("README.md", "CONTRIBUTING.md", "docs/README.md") else f"docs/{page}")
+    for target in re.findall(r"\]\(([^)]+)\)", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.M)):
+        if target.startswith("http"):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (here.parent / path) if path else here
+        assert file.exists(), f"{page} links to {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(), flags=re.M)
+            assert anchor in {re.sub(r"[^\w -]", "", h.lower()).strip().replace(" ", "-") for h in headings}, target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_a_page_names_exists(page, tmp_path, monkeypatch):
+    """Its files, its links and its commands with their options."""
+    check_files(PAGES[page])
+    check_links(page)
+    for number, line in enumerate(sorted({shlex.join(words) for words in commands(PAGES[page])})):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with case(line), monkeypatch.context() as patch:
+            check_command(shlex.split(line), folder, patch)
 
 
 def test_a_wrong_option_would_be_noticed(monkeypatch):
@@ -193,7 +225,7 @@ def test_a_wrong_option_would_be_noticed(monkeypatch):
 # tables
 
 
-@pytest.mark.parametrize("page", tables.PAGES)
+@cases("page", tables.PAGES)
 def test_tables_are_those_of_the_code(page):
     assert tables.written(page, PAGES[page]) == PAGES[page], "run python -m agents.docs.tables"
 
@@ -206,9 +238,7 @@ def table(page, heading):
     return [[cell.strip().replace("`", "") for cell in row.strip("|").split("|")] for row in rows if "---" not in row]
 
 
-@pytest.mark.parametrize(
-    ("code", "decisions", "horizon"), table("faq.md", r"How do I change the length of an episode\?")[1:]
-)
+@cases(("code", "decisions", "horizon"), table("faq.md", r"How do I change the length of an episode\?")[1:])
 def test_an_episode_is_as_long_as_the_table_says(code, decisions, horizon):
     env = eval(code, {"gymnasium": gymnasium, "satid_gym": satid_gym})
     vector = hasattr(env, "num_envs")
@@ -226,8 +256,8 @@ def test_an_episode_is_as_long_as_the_table_says(code, decisions, horizon):
     assert count == int(decisions)
 
 
-@pytest.mark.parametrize(("estimator", "states"), [("momentum", "p + 6"), ("rate", "p + 3 + n")])
-@pytest.mark.parametrize(("n", "p"), [(3, 3), (4, 6)])
+@cases(("estimator", "states"), [("momentum", "p + 6"), ("rate", "p + 3 + n")])
+@cases(("n", "p"), [(3, 3), (4, 6)])
 def test_observation_table_is_the_layout(n, p, estimator, states, pyramid):
     assert f"$s = {states}$" in PAGES["environment.md"]
     sizes = {"n": n, "p": p, "3 p": 3 * p, "3": 3, "1": 1}
@@ -266,33 +296,10 @@ def test_argument_tables_are_the_signatures():
     ]  # fmt: skip
 
 
-# places
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_files_that_a_page_names_exist(page):
-    named = re.findall(r"`((?:satid_gym|agents|baselines|tests|docs|examples)/[\w/.-]*)`", PAGES[page])
-    assert [path for path in named if not (ROOT / path).exists()] == []
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_pages_and_headings_that_a_page_links_to_exist(page):
-    here = ROOT / (page if page in ("README.md", "CONTRIBUTING.md", "docs/README.md") else f"docs/{page}")
-    for target in re.findall(r"\]\(([^)]+)\)", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.M)):
-        if target.startswith("http"):
-            continue
-        path, _, anchor = target.partition("#")
-        file = (here.parent / path) if path else here
-        assert file.exists(), f"{page} links to {target}"
-        if anchor:
-            headings = re.findall(r"^#+ (.+)$", file.read_text(), flags=re.M)
-            assert anchor in {re.sub(r"[^\w -]", "", h.lower()).strip().replace(" ", "-") for h in headings}, target
-
-
 # the reference, and the site's own tools
 
 
-@pytest.mark.parametrize("package", [satid_gym, satid_gym.estimators, baselines])
+@cases("package", [satid_gym, satid_gym.estimators, baselines])
 def test_reference_has_the_home_of_every_public_name(package):
     reference = "".join(path.read_text() for path in (ROOT / "docs" / "api").glob("*.md"))
     shown = set(re.findall(r"^::: ([\w.]+)$", reference, flags=re.M))

@@ -24,6 +24,7 @@ from satid_gym import (
 )
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.templates import law_inertia
+from tests.cases import cases
 
 NO_TORQUE = Disturbance()
 ALL_TORQUES = Disturbance(
@@ -217,7 +218,7 @@ def kinetic_energy(satellite: Satellite, flight: Trajectory) -> np.ndarray:
 # What mechanics promises
 
 
-@pytest.mark.parametrize("mode", LAWS)
+@cases("mode", LAWS)
 @pytest.mark.parametrize("name", [*SATELLITES, "pyramid"])
 @pytest.mark.compiled
 def test_momentum_is_conserved_while_wheels_saturate(name, mode, pyramid):
@@ -248,7 +249,7 @@ def test_momentum_is_what_its_definition_says(pyramid):
     np.testing.assert_allclose(flight.momentum, expected, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["microsat", "skewed", "pyramid"])
+@cases("name", ["microsat", "skewed", "pyramid"])
 @pytest.mark.compiled
 def test_kinetic_energy_is_constant_without_torque(name, request):
     satellite = request.getfixturevalue(name)
@@ -348,8 +349,8 @@ def test_symmetric_top_precesses_in_closed_form():
     np.testing.assert_allclose(flight.omega, expected, rtol=0, atol=1e-10)
 
 
-@pytest.mark.parametrize("mode", INERTIA_MODES)
-@pytest.mark.parametrize(("last_speed", "tolerance"), [(-400.0, 1e-12), (-800.0, 1e-9)], ids=["free", "saturating"])
+@cases("mode", INERTIA_MODES)
+@cases(("last_speed", "tolerance"), [(-400.0, 1e-12), (-800.0, 1e-9)])
 @pytest.mark.compiled
 def test_turning_the_body_frame_changes_nothing(mode, last_speed, tolerance, skewed):
     """Inertia, axes, rates and body-fixed torques in another body frame; attitude makes up for it."""
@@ -381,8 +382,8 @@ def test_turning_the_body_frame_changes_nothing(mode, last_speed, tolerance, ske
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-@pytest.mark.parametrize("disturbance", [NO_TORQUE, ALL_TORQUES], ids=["torque_free", "disturbed"])
-@pytest.mark.parametrize("name", ["microsat", "pyramid"])
+@cases("disturbance", [NO_TORQUE, ALL_TORQUES])
+@cases("name", ["microsat", "pyramid"])
 @pytest.mark.compiled
 def test_equals_the_textbook(name, disturbance, law, request):
     satellite = request.getfixturevalue(name)
@@ -400,7 +401,7 @@ def test_equals_the_textbook(name, disturbance, law, request):
 
 
 @pytest.mark.parametrize("mode", ["static", "drift", "periodic", "factors", "tensors"])
-@pytest.mark.parametrize("name", ["microsat", "pyramid"])
+@cases("name", ["microsat", "pyramid"])
 @pytest.mark.compiled
 def test_equals_the_textbook_while_wheels_saturate(name, mode, request):
     """Into the limit with full torque, coasting there with none, gently back, and out again."""
@@ -444,8 +445,8 @@ STRONG_TORQUES = Disturbance(
 )
 
 
-@pytest.mark.parametrize("law", SHORT_LAWS.values(), ids=SHORT_LAWS)
-@pytest.mark.parametrize("name", ["skewed", "pyramid"])
+@cases("law", SHORT_LAWS.values())
+@cases("name", ["skewed", "pyramid"])
 def test_a_second_of_tumble_equals_the_textbook(name, law, request):
     satellite = request.getfixturevalue(name)
     torque = square_wave(satellite, 4, period=3.0)
@@ -463,8 +464,8 @@ def test_a_second_of_tumble_equals_the_textbook(name, law, request):
     np.testing.assert_allclose(flight.torque, torque, rtol=1e-9)
 
 
-@pytest.mark.parametrize("mode", ["static", "drift", "periodic"])
-@pytest.mark.parametrize("name", ["skewed", "pyramid"])
+@cases("mode", ["static", "drift", "periodic"])
+@cases("name", ["skewed", "pyramid"])
 def test_a_second_at_the_speed_limit_equals_the_textbook(name, mode, request):
     """Into the limit, coasting there, pulled back, thrown out again; on either side, one wheel after the other."""
     satellite = request.getfixturevalue(name)
@@ -483,7 +484,7 @@ def test_a_second_at_the_speed_limit_equals_the_textbook(name, mode, request):
     np.testing.assert_allclose(flight.wheel_speed, expected[:, 3 : 3 + wheels.count], rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@cases("side", [1.0, -1.0])
 def test_a_wheel_thrown_past_its_limit_by_a_step_of_the_inertia_is_locked(side, microsat):
     """J_z jumps to 0.8 of itself: free, the wheel would turn 0.1 rad/s past its limit; the body takes up the rest."""
     wheels, law = microsat.wheels, InertiaLaw("step", time=0.5, change=(0.0, 0.0, -0.2 * microsat.inertia[2, 2]))
@@ -522,8 +523,8 @@ def test_a_step_of_the_inertia_between_held_wheels_conserves_momentum(pyramid):
     np.testing.assert_allclose(flight.inertia[3] / flight.inertia[2], 0.8)
 
 
-@pytest.mark.parametrize("law", [SHORT_LAWS["static"], InertiaLaw("periodic", size=0.2, frequency=0.3, phase=0.4)])
-@pytest.mark.parametrize("name", ["cubesat", "skewed"])
+@cases("law", [SHORT_LAWS["static"], InertiaLaw("periodic", size=0.2, frequency=0.3, phase=0.4)])
+@cases("name", ["cubesat", "skewed"])
 def test_a_coarse_sample_is_flown_in_as_many_steps_as_the_body_turns(name, law, request):
     """Two samples of 10 s: nutation and law turn by several radians in each, which one step could not follow."""
     satellite = SATELLITES[name] if name in SATELLITES else request.getfixturevalue(name)
@@ -545,7 +546,7 @@ def test_a_coarse_sample_is_flown_in_as_many_steps_as_the_body_turns(name, law, 
     np.testing.assert_allclose(plant["rate"], flight.omega[-1], rtol=0, atol=5e-6 * np.abs(flight.omega).max())
 
 
-@pytest.mark.parametrize("name", SATELLITES)
+@cases("name", SATELLITES)
 def test_a_step_that_would_not_keep_momentum_is_halved(name):
     """One step is asked for, in which the momentum turns too far for it; |M| stays all the same."""
     satellite = SATELLITES[name]
@@ -560,7 +561,7 @@ def test_a_step_that_would_not_keep_momentum_is_halved(name):
     assert np.abs(np.diff(size)).max() < 1e-7 * size[0]
 
 
-@pytest.mark.parametrize("rate", [1e7, 1e60, 1e160])
+@cases("rate", [1e7, 1e60, 1e160])
 def test_a_body_too_fast_for_any_step_ends_all_the_same(rate):
     """Halving cannot help where momentum overflows; the call must return."""
     flight = simulate(SATELLITES["microsat"], np.zeros((1, 3)), 1.0, omega0=(rate, -rate, 0.5 * rate), substeps=1)
@@ -584,14 +585,14 @@ def heavy_wheels() -> dict[str, tuple[Trajectory, Trajectory]]:
     return flights
 
 
-@pytest.mark.parametrize("name", SATELLITES)
+@cases("name", SATELLITES)
 @pytest.mark.compiled
 def test_default_substeps_are_good_for_1e8_rad_per_s(name, heavy_wheels):
     default, fine = heavy_wheels[name]
     assert np.abs(default.omega - fine.omega).max() < 1e-8
 
 
-@pytest.mark.parametrize("name", SATELLITES)
+@cases("name", SATELLITES)
 @pytest.mark.compiled
 def test_default_substeps_conserve_momentum(name):
     satellite = SATELLITES[name]
@@ -635,7 +636,7 @@ def test_a_torque_within_the_limits_is_applied_as_commanded(pyramid):
 # The inertia laws
 
 
-@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@cases("law", LAWS.values())
 @pytest.mark.compiled
 def test_plant_flies_the_law_it_is_scored_against(law, skewed):
     flight = simulate(skewed, square_wave(skewed, 300), 1.0, law=law)
@@ -673,7 +674,7 @@ def test_paper_laws():
 # What simulate() refuses
 
 
-@pytest.mark.parametrize(
+@cases(
     ("changes", "message"),
     [
         ({"torque": np.zeros((5, 4))}, r"torque must have shape \(N, 3\), got \(5, 4\)"),

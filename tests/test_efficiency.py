@@ -40,7 +40,7 @@ def test_a_recording_is_the_flight_that_the_benchmark_scores(inertia: str) -> No
     cell = {"satellite": "cubesat", "inertia": inertia, "seeds": seeds("validation", 4)}
     recording = record(build("rate_square", SQUARE), scenario=benchmark_scenario(), **cell)
     flight = fly(build("rate_square", SQUARE), scenario=benchmark_scenario(), **cell)
-    truth = recording.course.inertia
+    truth = recording.motion.inertia
     error = np.linalg.norm(recording.theta - np.diagonal(truth, axis1=2, axis2=3), axis=2)
     relative = (error / np.linalg.norm(truth, axis=(2, 3)))[:, 10::10].T
     np.testing.assert_allclose(relative, flight.error, rtol=1e-9)
@@ -50,24 +50,25 @@ def test_a_recording_is_the_flight_that_the_benchmark_scores(inertia: str) -> No
 def test_the_walk_of_the_truth_is_the_filters() -> None:
     cell = {"satellite": "microsat", "inertia": "static", "seeds": seeds("validation", 30)}
     recording = record(build("rate_square", SQUARE), as_modelled=True, estimator="momentum", **cell)
-    theta = np.diagonal(recording.course.inertia, axis1=2, axis2=3)
+    theta = np.diagonal(recording.motion.inertia, axis1=2, axis2=3)
     steps = np.diff(theta, axis=1) / np.diag(SATELLITES["microsat"].inertia)
     assert steps.std() == pytest.approx(0.004 * np.sqrt(0.1), rel=0.01)
-    size, torque = (np.linalg.norm(x, axis=2) for x in (recording.course.momentum, recording.course.torque))
+    size, torque = (np.linalg.norm(x, axis=2) for x in (recording.motion.momentum, recording.motion.torque))
     # a step of J leaves M as it is: only the external torque changes its size
     assert (np.ptp(size, axis=1) < 1.01 * 0.1 * torque.sum(axis=1)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 def test_the_filter_reaches_its_bound_where_truth_is_its_model(walk: float) -> None:
     chosen, settings = seeds("validation", 60), MomentumEKFSettings(inertia_walk=walk)
     cell = {"satellite": "microsat", "inertia": "static", "seeds": chosen, "estimator": settings}
     recording = record(build("rate_square", SQUARE), as_modelled=True, **cell)
     prior = prior_of(SATELLITES["microsat"], benchmark_scenario().replace(gravity_gradient=False, orbit_rate=0.0))
-    covariance = posterior_bound(recording.course, prior, settings, recording.dt)
+    covariance = posterior_bound(recording.motion, prior, settings, recording.dt)
     ratio = (
         square_error(recording.theta, recording).mean()
-        / final(episode_bounds(covariance, recording.course.inertia)).mean()
+        / final(episode_bounds(covariance, recording.motion.inertia)).mean()
     )
     # static: 60 episodes of 3 parameters, std sqrt(2 / 180) = 0.11; walking: many independent windows each
     spread = 0.33 if walk == 0.0 else 0.12
@@ -86,6 +87,7 @@ def test_knowing_the_law_makes_every_mode_as_good_as_static() -> None:
         assert found[mode] == pytest.approx(found["static"], rel=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["static", "step", "periodic"])
 def test_no_policy_beats_its_ceiling(mode: str) -> None:
     chosen, world = seeds("validation", 12), benchmark_scenario()
@@ -109,10 +111,10 @@ def test_the_reference_limit_of_a_filter_that_finds_steps_starts_again_at_one() 
     recording = record(build("zero", {}), satellite="microsat", inertia="step", seeds=[0], scenario="default")
     satellite, prior = SATELLITES["microsat"], prior_of(SATELLITES["microsat"], benchmark_scenario())
     blind, finding = (
-        reference_limit(recording.course, satellite, prior, LAW_KNOWN, recording.dt, finds_steps=told)[0]
+        reference_limit(recording.motion, satellite, prior, LAW_KNOWN, recording.dt, finds_steps=told)[0]
         for told in (False, True)
     )
-    theta = recording.course.inertia[0].diagonal(axis1=1, axis2=2)
+    theta = recording.motion.inertia[0].diagonal(axis1=1, axis2=2)
     at = int(np.abs(np.diff(theta[:, 0])).argmax()) + 1
     np.testing.assert_array_equal(blind[:at], finding[:at])
     change = (theta[at] - theta[at - 1]) ** 2
@@ -124,8 +126,8 @@ def test_reference_limit_of_a_static_inertia_by_hand() -> None:
     """Without a walk the filter weighs all readings alike: variance 1 / (sum of information), prior's pull aside."""
     recording = record(build("zero", {}), satellite="cubesat", inertia="static", seeds=[0], scenario="default")
     satellite, prior = SATELLITES["cubesat"], prior_of(SATELLITES["cubesat"], benchmark_scenario())
-    limit = reference_limit(recording.course, satellite, prior, LAW_KNOWN, recording.dt)[0, -1]
-    moments = np.diagonal(recording.course.inertia[0, 0])
+    limit = reference_limit(recording.motion, satellite, prior, LAW_KNOWN, recording.dt)[0, -1]
+    moments = np.diagonal(recording.motion.inertia[0, 0])
     least = ((1e-4 * moments) ** 2 + (1e-4 * 0.05) ** 2) / 0.05**2 / 3000.0
     np.testing.assert_allclose(limit, least, rtol=0.02)
 

@@ -29,6 +29,7 @@ from satid_gym.estimators import (
 )
 from satid_gym.gym_api import INFO_KEYS
 from satid_gym.problem import problem
+from tests.cases import cases
 
 
 def actions(count: int, wheels: int = 3, seed: int = 0) -> np.ndarray:
@@ -217,14 +218,15 @@ def test_a_wheel_at_its_speed_limit_is_reported():
 
 
 def test_relative_error_and_nees_by_their_definitions():
-    env = SatInertiaIDEnv(estimator=MomentumEKF())
+    estimator = MomentumEKF()
+    env = SatInertiaIDEnv(estimator=estimator)
     env.reset(seed=0)
     for *_, info in fly(env, actions(20)):
         truth, estimate = info["inertia_true"], info["inertia_estimate"]
         error = np.linalg.norm(estimate - truth) / np.linalg.norm(truth)
         assert info["relative_error"] == pytest.approx(error, rel=1e-12)
         e = np.diag(estimate - truth)
-        covariance = env._plugin.estimator.covariance[3:6, 3:6]
+        covariance = estimator.covariance[3:6, 3:6]
     assert info["nees"] == pytest.approx(e @ np.linalg.solve(covariance, e) / 3.0, rel=1e-9)
 
 
@@ -361,7 +363,7 @@ def flying() -> SatInertiaIDEnv:
     return env
 
 
-@pytest.mark.parametrize(
+@cases(
     ("action", "message"),
     [
         ([np.nan, 0.0, 0.0], r"action must be finite, got \[nan, 0.0, 0.0\]"),
@@ -380,7 +382,7 @@ def test_a_bad_action_is_refused(action, message, flying):
     flying.step(np.zeros(3))
 
 
-@pytest.mark.parametrize(
+@cases(
     ("options", "message"),
     [
         ({"satelite": "cubesat"}, "unknown reset option 'satelite'.*Did you mean 'satellite'"),
@@ -411,7 +413,7 @@ def test_an_option_with_another_number_of_wheels_is_refused(flying, pyramid):
         flying.reset(options={"satellite": pyramid})
 
 
-@pytest.mark.parametrize("seed", [-1, 1.5, "0"])
+@cases("seed", [-1, 1.5, "0"])
 def test_a_bad_seed_is_refused(seed, flying):
     before = state_of(flying)
     with pytest.raises(gymnasium.error.Error, match=r"[Ss]eed must be"):
@@ -472,7 +474,7 @@ def test_a_plugged_in_filter_gives_what_the_compiled_one_gives(foreign, own, set
                 assert x[4][key] == pytest.approx(y[4][key], rel=1e-7, abs=1e-8), key
 
 
-@pytest.mark.parametrize("coordinates", ["adaptive", "momenta", None])
+@cases("coordinates", ["adaptive", "momenta", None])
 def test_a_plugged_in_filter_in_unknown_coordinates_is_refused(coordinates):
     estimator = FilterpyMomentumEKF()
     estimator.coordinates = coordinates
@@ -527,7 +529,7 @@ def test_problem_is_what_was_asked_for():
     assert (env.problem.scenario.name, env.problem.estimator.name) == ("tight", "rate")
 
 
-@pytest.mark.parametrize("estimator", ["momentum", "adaptive", "rate"])
+@cases("estimator", ["momentum", "adaptive", "rate"])
 def test_environments_share_their_dtypes(estimator):
     """Numba would compare at length, in every call, a dtype that is only equal to one it has seen."""
     one, other = (SatInertiaIDEnv("cubesat", estimator=estimator) for _ in range(2))

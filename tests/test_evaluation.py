@@ -11,6 +11,7 @@ from satid_gym import metrics
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.policy import missions
 from satid_gym.problem import problem
+from tests.cases import cases
 
 
 class Constant:
@@ -77,8 +78,8 @@ def test_improvements():
     np.testing.assert_array_equal(wins, [1.0, 0.5, 0.0, 1.0])
 
 
-@pytest.mark.parametrize(("trim", "statistic"), [(0.0, np.mean), (0.25, metrics.iqm)])
-@pytest.mark.parametrize("count", [16, 400])
+@cases(("trim", "statistic"), [(0.0, np.mean), (0.25, metrics.iqm)])
+@cases("count", [16, 400])
 def test_interval_of_a_normal_sample(trim, statistic, count):
     values = np.random.default_rng(1).normal(5.0, 2.0, count)
     low, high = metrics.bootstrap(values, trim=trim)
@@ -138,7 +139,7 @@ def test_interval_of_shares():
     assert metrics.proportion_interval(np.full(10, 0.5)) == metrics.proportion_interval(np.repeat([0.0, 1.0], 5))
 
 
-@pytest.mark.parametrize("truth", [0.0, 0.001, 0.03, 0.5, 0.9455, 0.999, 1.0])
+@cases("truth", [0.0, 0.001, 0.03, 0.5, 0.9455, 0.999, 1.0])
 def test_interval_of_shares_covers_whatever_the_truth(truth):
     """By the binomial distribution of the wins, not by simulation; Wilson's would have 92.9 % at 0.9455."""
     wins = np.arange(101)
@@ -166,7 +167,7 @@ def test_seeds_that_do_not_exist():
         seeds("test", 2, 999_999_999)
 
 
-@pytest.mark.parametrize(("mode", "expected"), [("static", 1.0), ("step", 1.1), ("drift", 1.05), ("periodic", 1.0)])
+@cases(("mode", "expected"), [("static", 1.0), ("step", 1.1), ("drift", 1.05), ("periodic", 1.0)])
 @pytest.mark.compiled
 def test_benchmark_flies_the_laws_of_the_paper(mode, expected):
     env = satid_gym.SatInertiaIDEnv("microsat", mode, benchmark_scenario())
@@ -270,7 +271,7 @@ def test_scores_by_hand():
         np.testing.assert_allclose(scores[name], values, err_msg=name)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("inertia", "scenario", "time"),
     [("step", benchmark_scenario(), 150.0), ("step", "default", None), ("drift", benchmark_scenario(), None)],
 )

@@ -7,6 +7,7 @@ import pytest
 
 from baselines.studies.faults import CASES, recovery, scores, worlds
 from satid_gym.evaluation import Flight
+from tests.cases import cases
 
 
 def flight(episodes: int = 1, period: float = 1.0, horizon: float = 300.0, **series: np.ndarray) -> Flight:
@@ -23,7 +24,7 @@ def error(bad: list[tuple[float, float]], period: float = 1.0, horizon: float = 
     return np.where(np.any([(a <= time) & (time <= b) for a, b in bad], axis=0), 0.01, 0.005)[:, None]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("bad", "seconds"),
     [
         ([(1, 139)], 0.0),  # good when the fault ends, and from then on
@@ -46,7 +47,7 @@ def test_recovery_with_decisions_of_half_a_second():
     assert recovery(flight(period=0.5, error=error([(0, 145), (155.5, 155.5)], 0.5)), 140.0).tolist() == [16.0]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("bad", "end", "seconds"),
     [
         ([(1, 139)], 140.3, 0.7),  # the first error known of the time without fault is that of 141 s

@@ -24,6 +24,7 @@ from satid_gym.estimators.filterpy.model import MomentumModel
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.scenario import SCENARIOS, prior_of
+from tests.cases import cases
 
 DT = 0.1
 LAWS = {
@@ -218,7 +219,7 @@ def states():
     }
 
 
-@pytest.mark.parametrize("shape", ["principal", "full", "pyramid"])
+@cases("shape", ["principal", "full", "pyramid"])
 def test_jacobians_of_the_momentum_model(shape, states):
     satellite, parameters, gyro, before, after = states[shape]
     prior = prior_of(satellite, SCENARIOS["default"])
@@ -235,7 +236,7 @@ def test_jacobians_of_the_momentum_model(shape, states):
         np.testing.assert_allclose(jacobian, central_differences(function, x, steps), rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("shape", ["principal", "full", "pyramid"])
+@cases("shape", ["principal", "full", "pyramid"])
 def test_jacobian_of_the_rate_model(shape, states):
     satellite, parameters, gyro, before, after = states[shape]
     ekf = FilterpyRateEKF(parameters=parameters)
@@ -246,8 +247,8 @@ def test_jacobian_of_the_rate_model(shape, states):
     np.testing.assert_allclose(ekf._slope_jacobian(x, acceleration), expected, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("shape", ["principal", "full"])
-@pytest.mark.parametrize("new", [MomentumEKF, RateEKF])
+@cases("shape", ["principal", "full"])
+@cases("new", [MomentumEKF, RateEKF])
 def test_transition_of_the_compiled_filter(new, shape, states):
     """One compiled prediction from states moved to both sides; the rest of the transition is identity."""
     satellite, parameters, gyro, before, after = states[shape]
@@ -274,7 +275,7 @@ def test_transition_of_the_compiled_filter(new, shape, states):
     np.testing.assert_allclose(expected[3:], np.eye(size)[3:], rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("parameters", ["principal", "full"])
+@cases("parameters", ["principal", "full"])
 def test_first_covariance_is_that_of_samples(parameters, states):
     """M0 = J omega + a of samples from the prior and the sensors has the mean and covariance the filter starts with."""
     satellite, _, gyro, speed, _ = states["full"]
@@ -344,7 +345,7 @@ def test_compiled_equals_filterpy_with_substeps(microsat):
     assert_equal_filters(run, run_slowly(FilterpyMomentumEKF(**settings), readings))
 
 
-@pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
+@cases("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 def test_run_equals_reading_by_reading(new, microsat):
     readings = fly(microsat, "periodic", seconds=30)
     run = new().run(readings.prior, readings.gyro, readings.wheel_speed, DT)
@@ -412,9 +413,9 @@ def assert_same_belief(fast, slow, tolerance: float = 1e-10) -> None:
     np.testing.assert_allclose(fast.covariance / size, slow.covariance / size, rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize("spread", [0.2, 0.07, 0.03], ids=["coarse", "fair", "fine"])
-@pytest.mark.parametrize("substeps", [1, 3])
-@pytest.mark.parametrize(("name", "parameters"), [*SHAPES, ("slender", "principal")])
+@cases("spread", [0.2, 0.07, 0.03])
+@cases("substeps", [1, 3])
+@cases(("name", "parameters"), [*SHAPES, ("slender", "principal")])
 def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, spread, request):
     """Coarse and fair beliefs are iterated, fine ones not; rates on both sides of what passes for noise."""
     satellite = request.getfixturevalue(name)
@@ -442,7 +443,7 @@ def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, 
         assert fast.constrained_updates == 0
 
 
-@pytest.mark.parametrize(("name", "parameters"), SHAPES)
+@cases(("name", "parameters"), SHAPES)
 def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
     satellite = request.getfixturevalue(name)
     prior = prior_of(satellite, SCENARIOS["default"])
@@ -479,10 +480,8 @@ def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
         assert_same_belief(fast, slow)
 
 
-@pytest.mark.parametrize(
-    ("left", "fraction"), [(0.5, 1.0), (0.07, 1.0), (0.03, 0.5), (-0.8, 0.5), (-0.95, 0.25), (-59.0, 2.0**-6)]
-)
-@pytest.mark.parametrize(("name", "parameters"), SHAPES)
+@cases(("left", "fraction"), [(0.5, 1.0), (0.07, 1.0), (0.03, 0.5), (-0.8, 0.5), (-0.95, 0.25), (-59.0, 2.0**-6)])
+@cases(("name", "parameters"), SHAPES)
 def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parameters, left, fraction, request):
     """A reading made so that the whole update would leave `left` of the prior of the first moment.
 
@@ -551,7 +550,7 @@ def test_a_wild_reading_is_guarded_and_counted(microsat):
     assert (ekf.mean[3:6] > 0.05 * np.diag(prior.inertia)).all()
 
 
-@pytest.mark.parametrize("new", [MomentumEKF, AdaptiveEKF, RateEKF])
+@cases("new", [MomentumEKF, AdaptiveEKF, RateEKF])
 def test_a_filter_started_again_forgets_everything(new, microsat):
     """The same rows started twice: nothing of the first flight is left, its count and its flag neither."""
     prior, first = prior_of(microsat, SCENARIOS["default"]), (np.array([0.01, -0.02, 0.03]), np.array([9.0, 8.0, 7.0]))
@@ -599,7 +598,7 @@ def test_turning_wheels_about_changes_no_estimate(parameters, microsat):
 # What the filters refuse
 
 
-@pytest.mark.parametrize(
+@cases(
     ("call", "message"),
     [
         (lambda f: f.predict((0.0, 0.0), DT), r"wheel_speed must have shape \(3,\), got \(2,\)"),
@@ -620,9 +619,7 @@ def test_a_bad_reading_is_refused_and_leaves_the_belief_as_it_was(call, message,
     assert ekf.records.tobytes() == before
 
 
-@pytest.mark.parametrize(
-    "use", [lambda f: f.mean, lambda f: f.constrained_updates, lambda f: f.predict((0.0,) * 3, DT)]
-)
+@cases("use", [lambda f: f.mean, lambda f: f.constrained_updates, lambda f: f.predict((0.0,) * 3, DT)])
 def test_a_filter_without_belief_says_how_to_start_it(use):
     with pytest.raises(RuntimeError, match=r"call reset\(prior, gyro, wheel_speed\) first"):
         use(MomentumEKF())

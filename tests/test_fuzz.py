@@ -1,4 +1,4 @@
-"""Random environments, valid and spoiled; `python -m tests.fuzz` flies thousands, with any number of wheels."""
+"""Random environments, valid and spoiled; `python -m tests.qa.fuzz` flies thousands, with any number of wheels."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from satid_gym import SATELLITES, InertiaLaw, SatInertiaIDEnv
-from tests.fuzz.__main__ import Fuzz
-from tests.fuzz.configuration import Group, draw_configuration
-from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
-from tests.fuzz.spoil import refused, refuses_actions, spoil
+from tests.cases import cases
+from tests.qa.fuzz.__main__ import Fuzz
+from tests.qa.fuzz.configuration import Group, draw_configuration
+from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
+from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
 CHANCE = st.randoms(use_true_random=False)
 GROUPS = [Group(wheels=3, parameters="principal", estimator=name) for name in ("adaptive", "momentum", "rate")]
 
 
-@pytest.mark.parametrize("group", GROUPS, ids=str)
+@pytest.mark.slow
+@cases("group", GROUPS)
 @settings(max_examples=20)
 @given(chance=CHANCE)
 def test_a_valid_configuration_keeps_every_promise(group, chance):
@@ -30,6 +32,7 @@ def test_a_valid_configuration_keeps_every_promise(group, chance):
         return  # it said so
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(chance=CHANCE)
 def test_a_spoiled_configuration_is_refused_with_a_reason(chance):
@@ -50,7 +53,8 @@ def test_a_refused_action_changes_nothing(seed):
     refuses_actions(env, Random(seed))
 
 
-def test_most_configurations_are_flown():
+@pytest.mark.slow
+def test_most_configurations_are_flown_and_a_seed_draws_the_same_again():
     """What cannot be drawn, or breaks the filter down and says so, is the exception."""
     fuzz = Fuzz(configurations=40, wheels=(3,))
     flown = 0
@@ -61,9 +65,6 @@ def test_most_configurations_are_flown():
         except (Undrawable, Breakdown):
             continue
     assert flown >= 18
-
-
-def test_the_same_seed_draws_the_same_configuration():
     fuzz = Fuzz(configurations=100)
     one, other = (fuzz.draw(17)[0] for _ in range(2))
     assert str(one) == str(other)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.cases import cases
 from tests.golden.flights import CASES, DATA, fly
 
 RECORDED = json.loads(DATA.read_text(encoding="utf-8"))["flights"]
@@ -19,7 +20,7 @@ def test_every_case_is_recorded():
     assert sorted(RECORDED) == sorted(CASES)
 
 
-@pytest.mark.parametrize("case", CASES)
+@cases("case", CASES)
 def test_the_flight_is_as_recorded(case):
     flown, recorded = fly(case), RECORDED[case]
     assert (flown["decisions"], flown["terminated"]) == (recorded["decisions"], recorded["terminated"])

@@ -21,6 +21,8 @@ from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.problem import problem
 
+pytestmark = pytest.mark.slow  # trains
+
 SMALL = ImitationSettings(
     satellite="cubesat",
     wheel_scales=(1.0,),

@@ -1,24 +1,27 @@
-"""The short form of `python -m tests.interval_coverage`."""
+"""The short form of `python -m tests.qa.interval_coverage`."""
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from satid_gym.metrics import iqm
-from tests.interval_coverage import LEAST, SYNTHETIC, misses
+from tests.cases import cases
+from tests.qa.interval_coverage import COVERED_MIN, SYNTHETIC, misses
+
+pytestmark = pytest.mark.slow  # long statistics
 
 SIMULATIONS = 60
 
 
-@pytest.mark.parametrize("name", SYNTHETIC)
+@cases("name", SYNTHETIC)
 def test_intervals_cover_what_they_are_about(name):
     # fewer than 5 in a million runs fall below this where the coverage is 93 %; 60 are too few to tell 97 % from all
-    least = binom.ppf(5e-6, SIMULATIONS, LEAST)
+    least = binom.ppf(5e-6, SIMULATIONS, COVERED_MIN)
     for statistic, (above, below) in misses(SYNTHETIC[name], 100, SIMULATIONS, seed=3).items():
         assert SIMULATIONS - above - below >= least, statistic
 
 
-@pytest.mark.parametrize("name", SYNTHETIC)
+@cases("name", SYNTHETIC)
 def test_the_truth_is_that_of_the_population(name):
     population = SYNTHETIC[name]
     mine, theirs = population.draw(np.random.default_rng(0), 400_000)

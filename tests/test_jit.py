@@ -1,4 +1,4 @@
-"""How the core is compiled: its parts, and the compiler's cache for what numba's own leaves open."""
+"""Compilation of the core: its parts, and the compiler's cache for what numba's own leaves open."""
 
 import os
 import subprocess
@@ -76,6 +76,7 @@ for knots in map(int, sys.argv[1:]):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_kernels_that_two_processes_compiled_are_told_apart_by_a_third(tmp_path):
     """Numba numbers record types by process, and names their kernels by the numbers."""

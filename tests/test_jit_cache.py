@@ -15,7 +15,7 @@ import pytest
 
 import satid_gym
 
-pytestmark = pytest.mark.compiled
+pytestmark = [pytest.mark.compiled, pytest.mark.slow]
 COMPILING = "satid-gym: compiling its core for this machine, about 20 s, once; python -m satid_gym.warmup does it ahead"
 TINY = """
 from satid_gym.core.jit import kernel

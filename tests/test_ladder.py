@@ -37,8 +37,8 @@ def test_information_is_that_of_the_rates_where_the_momentum_is_known() -> None:
     found = observability.information(flight, prior)["logdet"]
     moments = np.diag(satellite.inertia)
     variance = (5e-5 * moments) ** 2 + (2e-3 * 0.05) ** 2
-    centred = flight.course.rate[0] - flight.course.rate[0].mean(axis=0)
-    known = np.log(np.square(flight.course.rate[0]).sum(axis=0) * moments**2 / variance).sum()
+    centred = flight.motion.rate[0] - flight.motion.rate[0].mean(axis=0)
+    known = np.log(np.square(flight.motion.rate[0]).sum(axis=0) * moments**2 / variance).sum()
     unknown = np.log(np.square(centred).sum(axis=0) * moments**2 / variance).sum()
     assert unknown - 0.1 < found < known + 0.1
 
@@ -56,6 +56,7 @@ def test_rank_correlation_by_hand() -> None:
     assert row["held"] == pytest.approx(0.5)  # ranks 3 1 2 against 3 2 1: 1 - 6 (0 + 1 + 1) / 24
 
 
+@pytest.mark.slow
 def test_a_small_climb(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("one_step", "sine_3axis", "prbs", "staggered_36s", "phased_50mHz", "staggered_12s")
     monkeypatch.setattr(observability, "FAMILY", {name: observability.FAMILY[name] for name in names})

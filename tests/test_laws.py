@@ -7,9 +7,10 @@ import pytest
 
 from satid_gym import InertiaLaw, LawRanges, paper_law
 from satid_gym.laws import PAPER_LAWS
+from tests.cases import cases
 
 
-@pytest.mark.parametrize(
+@cases(
     ("mode", "size", "time", "frequency"),
     [
         ("static", 0.0, 150.0, 0.0),
@@ -62,7 +63,7 @@ BOUNDS = {
 }
 
 
-@pytest.mark.parametrize("name", BOUNDS)
+@cases("name", BOUNDS)
 def test_a_range_may_reach_its_bounds_and_not_pass_them(name):
     least, most = BOUNDS[name]
     assert getattr(LawRanges(**{name: [least, most]}), name) == (least, most)

@@ -16,6 +16,7 @@ from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.shipped import find, shipped
 from satid_gym.policy import missions
 from satid_gym.problem import problem
+from tests.cases import cases
 
 SIZE = 37
 WHOLE = 70  # with the filter's whole covariance
@@ -96,7 +97,7 @@ def test_files_keep_whether_the_covariance_is_observed(tmp_path):
     assert again.details == {}
 
 
-@pytest.mark.parametrize("flag", [1, "yes", None, {"note": "where the details were once"}], ids=str)
+@cases("flag", [1, "yes", None, {"note": "where the details were once"}])
 def test_what_is_no_flag_is_refused(tmp_path, flag):
     message = "include_covariance of a learned policy must be True or False"
     with pytest.raises(ValueError, match=message):
@@ -108,7 +109,7 @@ def test_what_is_no_flag_is_refused(tmp_path, flag):
         find(str(tmp_path / "x"))
 
 
-@pytest.mark.parametrize("asks", [False, True])
+@cases("asks", [False, True])
 def test_an_observation_with_the_covariance_or_without_is_refused(asks):
     own, other = (WHOLE, SIZE) if asks else (SIZE, WHOLE)
     (mission,) = missions(problem(include_covariance=not asks))
@@ -127,7 +128,7 @@ def test_an_observation_of_another_size_is_refused():
         LearnedPolicy("small", network(), "rate", 2.4).reset(mission, seeds("test", 1))
 
 
-@pytest.mark.parametrize(
+@cases(
     ("damage", "message"),
     [
         (lambda t, j: t.write_bytes(t.read_bytes()[:40]), "its checksum differs"),

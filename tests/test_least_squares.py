@@ -23,6 +23,7 @@ from satid_gym.estimators.least_squares import (
 )
 from satid_gym.satellite import inertia_tensor
 from satid_gym.scenario import prior_of
+from tests.cases import cases
 
 MOMENTUM_METHODS = [momentum_form, instrumental_variable, output_error]
 
@@ -57,8 +58,8 @@ def relative(fit, satellite):
 # what noise-free data give
 
 
-@pytest.mark.parametrize("method", MOMENTUM_METHODS)
-@pytest.mark.parametrize(
+@cases("method", MOMENTUM_METHODS)
+@cases(
     ("name", "parameters"), [("microsat", "principal"), ("microsat", "full"), ("skewed", "full"), ("pyramid", "full")]
 )
 @pytest.mark.compiled
@@ -116,8 +117,8 @@ def noisy_estimates(method, satellite, std, count, bias=0.1):
     return np.array([fit.theta for fit in fits]), np.array([fit.covariance for fit in fits]), gyro
 
 
-@pytest.mark.parametrize("bias", [0.0, 0.1])
-@pytest.mark.parametrize("method", MOMENTUM_METHODS)
+@cases("bias", [0.0, 0.1])
+@cases("method", MOMENTUM_METHODS)
 @pytest.mark.compiled
 def test_covariance_is_the_scatter(method, bias, microsat):
     """With momentum in the wheels the attitude's random walk counts as much as the reading's own noise."""
@@ -146,7 +147,7 @@ def test_instrument_removes_the_bias_of_noise(microsat):
 # what is refused
 
 
-@pytest.mark.parametrize("method", [differentiated, *MOMENTUM_METHODS])
+@cases("method", [differentiated, *MOMENTUM_METHODS])
 def test_axis_without_motion_is_named(method, microsat):
     time = np.arange(100) * 0.5
     torque = smooth_torque(microsat, time)
@@ -158,7 +159,7 @@ def test_axis_without_motion_is_named(method, microsat):
         method(known(microsat, 5e-5), gyro, flight.wheel_speed, 0.5)
 
 
-@pytest.mark.parametrize("method", [differentiated, *MOMENTUM_METHODS])
+@cases("method", [differentiated, *MOMENTUM_METHODS])
 def test_record_at_rest_identifies_nothing(method, microsat):
     with pytest.raises(NotIdentifiedError, match="turn the body more"):
         method(known(microsat), np.zeros((50, 3)), np.zeros((50, 3)), 1.0)
@@ -185,7 +186,7 @@ def test_public_name():
 # physical estimates
 
 
-@pytest.mark.parametrize("method", [differentiated, *MOMENTUM_METHODS])
+@cases("method", [differentiated, *MOMENTUM_METHODS])
 @pytest.mark.compiled
 def test_estimate_of_a_flat_plate_is_physical(method):
     plate = SATELLITES["microsat"].replace(name="plate", inertia=np.array([3.0, 4.0, 6.99]))
@@ -196,7 +197,7 @@ def test_estimate_of_a_flat_plate_is_physical(method):
         inertia_tensor(fit.inertia)
 
 
-@pytest.mark.parametrize("count", [3, 6])
+@cases("count", [3, 6])
 def test_coordinates_go_there_and_back(count):
     theta = np.array([6.5, 6.0, 4.5, 0.4, -0.3, 0.5])[:count]
     entries = to_factor(theta)

@@ -1,11 +1,13 @@
-"""The long haul in short: figures, refusals, and a stop that changes nothing. `python -m tests.long_haul` flies 1e8."""
+"""Short form of `python -m tests.qa.long_haul`: figures, refusals, and a stop that changes nothing."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tests.long_haul import SAMPLES, Haul, LongHaul, actions
+from tests.qa.long_haul import SAMPLES, Haul, LongHaul, actions
+
+pytestmark = pytest.mark.slow  # tens of thousands of decisions
 
 TIMED = ("decisions_per_s", "last_tenth_over_first", "resident_mb", "bytes_per_million_decisions")
 
@@ -26,6 +28,10 @@ def whole(tmp_path_factory) -> Haul:
 
 
 def test_episodes_end_both_ways_and_memory_stays(whole):
+    """Half the environments are driven hard."""
+    drawn = actions(np.random.default_rng(0), (10, 3))
+    assert set(np.abs(drawn[::2]).ravel()) == {1.0}
+    assert 0.0 < np.abs(drawn[1::2]).max() <= 0.05
     figures = whole.figures()
     assert figures["decisions"] == 64 * SAMPLES * 2
     assert 0 < figures["terminated"] < figures["episodes"]
@@ -68,9 +74,3 @@ def test_resume_needs_a_run_with_the_same_settings(tmp_path):
         haul(tmp_path, resume=True, seed=1)
     with pytest.raises(ValueError, match="decisions must be an integer of at least 12800"):
         haul(tmp_path, decisions=100)
-
-
-def test_half_the_environments_are_driven_hard():
-    drawn = actions(np.random.default_rng(0), (10, 3))
-    assert set(np.abs(drawn[::2]).ravel()) == {1.0}
-    assert 0.0 < np.abs(drawn[1::2]).max() <= 0.05

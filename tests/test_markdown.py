@@ -3,6 +3,7 @@
 import pytest
 
 from baselines.command.markdown import table
+from tests.cases import cases
 
 
 def test_a_table_by_hand():
@@ -11,7 +12,7 @@ def test_a_table_by_hand():
     assert table(["a"], []) == "| a |\n| --- |"
 
 
-@pytest.mark.parametrize("row", [["1"], ["1", "2", "3"]])
+@cases("row", [["1"], ["1", "2", "3"]])
 def test_a_row_of_another_length_is_refused(row):
     with pytest.raises(ValueError, match="must have 2 cells"):
         table(["a", "b"], [["1", "2"], row])

@@ -6,11 +6,12 @@ import ast
 
 import pytest
 
-from tests.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
-from tests.mutation.equivalent import EQUIVALENT
-from tests.mutation.mutants import find_mutants, mutate
+from tests.cases import cases
+from tests.qa.mutation.__main__ import GROUPS, TESTS, MutationArguments, Target, Trials, score
+from tests.qa.mutation.equivalent import EQUIVALENT
+from tests.qa.mutation.mutants import find_mutants, mutate
 
-pytestmark = pytest.mark.compiled  # its trials switch the compiler off themselves
+pytestmark = [pytest.mark.compiled, pytest.mark.slow]  # its trials switch the compiler off themselves
 
 SOURCE = '''
 """Text."""
@@ -45,8 +46,8 @@ def test_mutants_of_a_small_source():
     ]
 
 
-@pytest.mark.parametrize("name", TESTS)
-def test_every_mutant_is_another_program(name):
+@cases("name", TESTS)
+def test_every_mutant_is_another_program_and_every_equivalent_one_is_one_of_todays(name):
     source = Target(name).source
     original = ast.dump(ast.parse(source))
     mutants = find_mutants(source)
@@ -54,19 +55,11 @@ def test_every_mutant_is_another_program(name):
     changed = {ast.dump(mutate(source, i)) for i in range(len(mutants))}
     assert original not in changed
     assert len(changed) > 0.95 * len(mutants)  # x > 0 and not x <= 0 are one program
-
-
-@pytest.mark.parametrize("name", EQUIVALENT)
-def test_every_equivalent_mutant_is_one_of_todays(name):
-    assert EQUIVALENT[name].keys() <= {mutant.key for mutant in find_mutants(Target(name).source)}
-
-
-def test_groups_are_made_of_the_modules():
-    assert sorted(name for group in GROUPS.values() for name in group) == sorted(TESTS)
+    assert EQUIVALENT.get(name, {}).keys() <= {mutant.key for mutant in mutants}
 
 
 def test_a_trial_kills_a_wrong_sign_and_passes_the_original():
-    target = Target("core/sensors")
+    target = Target("core/truth/sensors")
     mutants = find_mutants(target.source)
     wrong = next(i for i, m in enumerate(mutants) if "gyro_bias[i] - plant.gyro_noise_std" in m.after)
     request = {"path": target.path, "tests": target.tests, "order": [], "seconds": 100}
@@ -75,7 +68,7 @@ def test_a_trial_kills_a_wrong_sign_and_passes_the_original():
         clean = trials.run({**request, "index": None})
         assert clean["outcome"] == "survived"
         assert {test.split("::")[0] for test in clean["tests"]} == {
-            f"tests/test_{name}.py" for name in TESTS["core/sensors"]
+            f"tests/test_{name}.py" for name in TESTS["core/truth/sensors"]
         }
         result = trials.run({**request, "index": wrong})
         assert result["outcome"] == "killed"
@@ -94,7 +87,8 @@ def test_a_sample_has_an_interval_and_a_census_none():
     assert (whole["rate_low"], whole["rate_high"]) == (0.9, 0.9)
 
 
-def test_arguments_are_checked():
+def test_arguments_are_checked_and_groups_are_made_of_the_modules():
+    assert sorted(name for group in GROUPS.values() for name in group) == sorted(TESTS)
     with pytest.raises(ValueError, match=r"unknown module 'core/rewards'; .* Did you mean 'core/reward'\?"):
         MutationArguments(modules=("core/rewards",)).check()
     with pytest.raises(ValueError, match="sample must be an integer of at least 1, got 0"):

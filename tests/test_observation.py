@@ -12,6 +12,7 @@ from satid_gym.core import kernels
 from satid_gym.core.observation import BOUND, layout
 from satid_gym.estimators import MomentumEKF, RateEKF
 from satid_gym.scenario import prior_of
+from tests.cases import cases
 
 
 class KeepsReadings:
@@ -45,7 +46,7 @@ def test_layout_is_contiguous_and_fills_the_space():
     assert env.layout == layout(3, 6)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "parameters", "wheels", "size"),
     [
         ("momentum", "principal", 3, 37 + 6 + 9 * 8 // 2 - 9),
@@ -77,8 +78,8 @@ def test_the_covariance_follows_and_changes_nothing_before(name, parameters, whe
             np.testing.assert_array_equal(value, same_info[key], err_msg=key)
 
 
-@pytest.mark.parametrize("new", [MomentumRecorder, RateRecorder], ids=["momentum", "rate"])
-@pytest.mark.parametrize(("name", "parameters"), [*((name, "principal") for name in SATELLITES), ("pyramid", "full")])
+@cases("new", [MomentumRecorder, RateRecorder])
+@cases(("name", "parameters"), [*((name, "principal") for name in SATELLITES), ("pyramid", "full")])
 def test_every_part_by_its_definition(name, parameters, new, pyramid):
     recorder = new(parameters=parameters)
     satellite = SATELLITES.get(name, pyramid)
@@ -133,7 +134,7 @@ def test_every_part_by_its_definition(name, parameters, new, pyramid):
         assert not expected
 
 
-@pytest.mark.parametrize("walk", [None, 0.0])
+@cases("walk", [None, 0.0])
 def test_a_torque_whose_prior_std_is_zero(walk):
     """No multiple of that is its std, whether the gravity gradient lets it walk or it is certain."""
     satellite = SATELLITES["cubesat"].replace(disturbance_std=0.0)
@@ -161,7 +162,7 @@ def test_what_is_beyond_ten_is_cut_to_ten():
     assert env.observation_space.contains(observation)
 
 
-@pytest.mark.parametrize("name", SATELLITES)
+@cases("name", SATELLITES)
 @pytest.mark.compiled
 def test_observation_is_of_order_one_in_ordinary_flight(name):
     env = SatInertiaIDEnv(name, include_covariance=True)

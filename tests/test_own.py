@@ -29,6 +29,7 @@ from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.registry import PLANNERS
 from satid_gym.problem import resolve_inertia, resolve_satellites, resolve_scenario
+from tests.cases import cases
 
 SCOUT = """
 inertia = [2.0, 2.4, 1.8]
@@ -143,7 +144,7 @@ def test_plain_values_of_a_law_are_a_file_of_it(folder):
     assert resolve_inertia("law.json") == law
 
 
-@pytest.mark.parametrize(
+@cases(
     ("file", "text", "words"),
     [
         ("x.toml", SCOUT.replace("max_speed", "max_sped"), ["x.toml", "'max_sped'", "Did you mean 'max_speed'?"]),
@@ -157,6 +158,7 @@ def test_plain_values_of_a_law_are_a_file_of_it(folder):
     ],
 )
 def test_what_is_wrong_in_a_file_is_said_with_its_name_and_key(folder, file, text, words):
+    (folder / file).unlink(missing_ok=True)
     if text is not None:
         (folder / file).write_text(text)
     with pytest.raises(ValueError, match=r"^Satellite x\.") as error:
@@ -165,7 +167,7 @@ def test_what_is_wrong_in_a_file_is_said_with_its_name_and_key(folder, file, tex
         assert word in str(error.value)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "message"),
     [
         ("", "the first line must name the columns time, factor; or time, xx, yy, zz; or .*; got nothing"),
@@ -181,7 +183,7 @@ def test_what_is_wrong_in_a_table_is_said(folder, text, message):
         resolve_inertia("law.csv")
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "message"),
     [
         ("constants:TILTED", "cannot import constants"),
@@ -262,7 +264,7 @@ def test_baselines_that_have_no_settings_are_left_out_with_the_command_that_find
     assert "python -m baselines.tuning.open_loop_design --satellites scout.toml" in said
 
 
-@pytest.mark.parametrize(
+@cases(
     ("module", "line"),
     [
         (compare, "--policies rate_square zero --satellites scout.toml --episodes 2"),

@@ -4,10 +4,10 @@ import csv
 import io
 import json
 
-import pytest
 from PIL import Image
 
 from agents.docs import decision_figure, faults_table, limits_figure, readme
+from tests.cases import cases
 
 CELLS = [("s", "static"), ("s", "step")]
 
@@ -75,7 +75,7 @@ def test_the_flow_of_a_decision_enters_belief_by_the_sensors_alone():
 def study():
     row = {"satellite": "microsat", "policy": "generalist", "recovery_s": None, "recovery_s_95": None}
     row |= {"nees_worst": 1.0, "terminated": 0.0, "nees_during": 7.0}
-    figures = {"believing": (0.5, 23456.0, 0.2), "gated": (0.00123, 0.654, 0.0031)}
+    figures = {"ungated": (0.5, 23456.0, 0.2), "gated": (0.00123, 0.654, 0.0031)}
     keys = ("final_error", "nees_after", "outside")
     records = [
         {**row, "case": case, "filter": kind, **dict(zip(keys, values, strict=True))}
@@ -99,9 +99,9 @@ def test_the_short_table_of_faults_is_made_of_the_csv(tmp_path, monkeypatch):
 def test_the_committed_study_has_every_case_of_the_short_table():
     with faults_table.FILE.open(encoding="utf-8", newline="") as file:
         found = {(row["case"], row["filter"]) for row in csv.DictReader(file) if row["policy"] == faults_table.POLICY}
-    assert found >= {(case, kind) for case in faults_table.CASES for kind in ("believing", "gated")}
+    assert found >= {(case, kind) for case in faults_table.CASES for kind in ("ungated", "gated")}
 
 
-@pytest.mark.parametrize(("text", "shown"), [("", "-"), ("0.5", "0.5"), ("123.4", "120"), ("1e5", "1e5")])
+@cases(("text", "shown"), [("", "-"), ("0.5", "0.5"), ("123.4", "120"), ("1e5", "1e5")])
 def test_numbers_of_the_short_table(text, shown):
     assert faults_table._number(text, 1.0) == shown

@@ -22,6 +22,7 @@ from satid_gym.laws import paper_law
 from satid_gym.metrics import relative_error
 from satid_gym.profiles import PROFILES
 from satid_gym.templates import law_inertia
+from tests.cases import cases
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +94,7 @@ def test_energy_is_the_motors_work():
 # scores
 
 
-@pytest.mark.parametrize(
-    ("mode", "low", "high"), [("step", 9.09, 9.10), ("drift", 4.30, 4.32), ("periodic", 1.8, 1.92)]
-)
+@cases(("mode", "low", "high"), [("step", 9.09, 9.10), ("drift", 4.30, 4.32), ("periodic", 1.8, 1.92)])
 def test_perfect_constant_estimate_scores_what_the_paper_shows(mode, low, high):
     moments = np.array([3.0, 2.0, 4.0])
     truth = law_inertia(paper_law(mode), moments, np.arange(301.0))
@@ -139,6 +138,7 @@ def test_jobs_cover_the_study():
 # the study, with one seed
 
 
+@pytest.mark.slow
 def test_what_the_study_has_to_show(found):
     assert {check.claim: check.found for check in checks(found) if not check.met} == {}
 
@@ -168,6 +168,7 @@ def test_smoother_beats_the_filter_over_the_record(found):
             assert smoothed < filtered
 
 
+@pytest.mark.slow
 def test_page_figures_and_json(found, runs, tmp_path):
     static = [run for run in runs if run.inertia_mode == "static"]
     horizon_runs = [

@@ -1,4 +1,6 @@
-"""What every policy that observes refuses: observations that would become torque that is not finite."""
+"""Refusals of every policy that observes: observations that would become torque that is not finite."""
+
+import itertools
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.policies import find, make_baseline
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policy import missions
+from tests.cases import case
 
 
 def torque_policy():
@@ -33,24 +36,26 @@ def begun():
     return missions(env.problem)[0], observation
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("part", ["rate", "inertia", "correlation", "time_left", "state_correlation"])
 @pytest.mark.parametrize("name", POLICIES)
-def test_an_observation_that_is_not_finite_is_refused_by_row_and_part(name, part, value, begun):
+def test_an_observation_that_is_not_finite_is_refused_by_row_and_part(name, begun):
     mission, observation = begun
-    policy = POLICIES[name]()
-    policy.reset(mission, [0, 1, 2, 3])
-    damaged = observation.copy()
-    damaged[2, mission.layout[part].start] = value
-    with pytest.raises(ValueError, match=rf"episode rows \[2\] are not, in {part}: .*reset these episodes"):
-        policy(damaged)
-    assert np.isfinite(policy(observation)).all()
+    parts = ("rate", "inertia", "correlation", "time_left", "state_correlation")
+    for part, value in itertools.product(parts, (np.nan, np.inf, -np.inf)):
+        policy = POLICIES[name]()
+        policy.reset(mission, [0, 1, 2, 3])
+        damaged = observation.copy()
+        damaged[2, mission.layout[part].start] = value
+        message = rf"episode rows \[2\] are not, in {part}: .*reset these episodes"
+        with case((part, value)), pytest.raises(ValueError, match=message):
+            policy(damaged)
+        assert np.isfinite(policy(observation)).all()
 
 
-@pytest.mark.parametrize("name", POLICIES)
-def test_one_observation_without_a_row_is_refused(name, begun):
+def test_one_observation_without_a_row_is_refused(begun):
     mission, observation = begun
-    policy = POLICIES[name]()
-    policy.reset(mission, [0])
-    with pytest.raises(ValueError, match=r"take observations \(N, size\), one row an episode, got shape \(70,\)"):
-        policy(observation[0])
+    message = r"take observations \(N, size\), one row an episode, got shape \(70,\)"
+    for name, build in POLICIES.items():
+        policy = build()
+        policy.reset(mission, [0])
+        with case(name), pytest.raises(ValueError, match=message):
+            policy(observation[0])

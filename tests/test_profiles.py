@@ -6,6 +6,7 @@ import scipy.signal
 
 from satid_gym.profiles import PAPER_AMPLITUDES, PROFILES, paper_torque, prbs, wheel_torque
 from satid_gym.satellite import SATELLITES, ReactionWheels
+from tests.cases import cases
 
 SECONDS = np.arange(0.0, 300.0, 0.25)
 
@@ -20,14 +21,14 @@ def test_the_eight_have_the_names_of_the_paper():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@cases("name", PROFILES)
 def test_unit_amplitude(name):
     signal = PROFILES[name](SECONDS)
     assert signal.shape == (len(SECONDS), 3)
     assert 0.85 < np.abs(signal).max() <= 1.0  # the tones of multi_sine never crest together
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "times", "values"),
     [
         ("one_step", [0, 99.9, 100, 299], [1, 1, 0, 0]),
@@ -83,7 +84,7 @@ def test_wheels_put_the_torque_on_the_body_with_least_effort():
     np.testing.assert_allclose(motor @ null, 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("profile", "satellite", "largest"),
     [
         ("one_step", "cubesat", [0.01, 0.01, 0.01]),  # 0.015 N m cut to the limit

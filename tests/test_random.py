@@ -10,6 +10,7 @@ from numba import njit
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.core.random import between, next_word, normal, uniform
 from satid_gym.gym_api import seed_stream
+from tests.cases import cases
 
 N = 1_000_000
 LEVEL = 1e-3  # of every hypothesis test; the seeds are fixed, so a sound generator passes for good
@@ -71,7 +72,7 @@ def xoshiro256_plus_plus(state: list[int], count: int) -> list[int]:
     return out
 
 
-@pytest.mark.parametrize("state", [[1, 2, 3, 4], [MASK, 1, MASK - 5, 2**63], stream(7).tolist()])
+@cases("state", [[1, 2, 3, 4], [MASK, 1, MASK - 5, 2**63], stream(7).tolist()])
 def test_bits_are_those_of_xoshiro256_plus_plus(state):
     assert words(np.array(state, np.uint64), 1000).tolist() == xoshiro256_plus_plus(state, 1000)
 
@@ -96,11 +97,7 @@ def test_uniform_is_uniform():
     assert scipy.stats.chisquare(pairs.ravel()).pvalue > LEVEL
 
 
-@pytest.mark.parametrize(
-    ("state", "word"),
-    [([0, 5, 7, MASK], MASK), ([0, 5, 7, 0], 0)],
-    ids=["all bits set", "no bit set"],
-)
+@cases(("state", "word"), [([0, 5, 7, MASK], MASK), ([0, 5, 7, 0], 0)])
 def test_uniform_stays_inside_its_interval(state, word):
     """States made so that the next word is the largest and the smallest there is."""
     assert words(np.array(state, np.uint64), 1).tolist() == [word]

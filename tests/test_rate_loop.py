@@ -1,5 +1,7 @@
 """The rate loop where wheels or principal axes are not the body axes: against scipy, by hand, and in flight."""
 
+import itertools
+
 import numpy as np
 import pytest
 import scipy.optimize
@@ -9,6 +11,7 @@ from satid_gym import ReactionWheels, Satellite
 from satid_gym.control.deadbeat import reach, within_reach
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import build, find
+from tests.cases import cases
 
 UNIT = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 TILT = Rotation.from_rotvec(np.radians(35.0) * np.ones(3) / np.sqrt(3.0)).as_matrix()
@@ -24,7 +27,7 @@ def packed(matrix: np.ndarray) -> tuple[float, ...]:
     return tuple(float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
 
 
-@pytest.mark.parametrize("wheels", [3, 4, 6])
+@cases("wheels", [3, 4, 6])
 def test_shares_are_the_nearest_to_one_that_the_wheels_allow(wheels):
     """scipy's general solver for the same programme; distance is counted in shares."""
     rng = np.random.default_rng(wheels)
@@ -99,12 +102,16 @@ def constants(kind: str, microsat: Satellite) -> Satellite:
     }[kind]
 
 
-@pytest.mark.parametrize("policy", ["rate_square", "generalist", "mpc"])
-@pytest.mark.parametrize("kind", ["tilted wheels", "full tensor", "pyramid", "pyramid, full tensor"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "policy"),
+    [
+        ("tilted wheels", "generalist"),  # which was trained on three wheels and three moments
+        *itertools.product(("tilted wheels", "full tensor", "pyramid", "pyramid, full tensor"), ("rate_square", "mpc")),
+    ],
+)
 def test_no_policy_that_commands_rates_leaves_the_envelope(kind, policy, microsat):
     """Each wheel's torque cut by itself left it for 12 to 65 % of the time."""
-    if policy == "generalist" and kind != "tilted wheels":
-        pytest.skip("the generalist was trained on three wheels and three moments")
     settings = {"rate_square": {"period": 24.0, "margin": 2.75}, "mpc": {}}
     pilot = find(policy) if policy == "generalist" else build(policy, settings[policy])
     count = 6 if policy == "mpc" else 24

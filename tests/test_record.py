@@ -18,6 +18,7 @@ from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.shipped import PRETRAINED
 from satid_gym.policy import Mission
+from tests.cases import cases
 
 PAIRING = Pairing(policy="generalist", horizon=10.0)
 
@@ -165,7 +166,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
     assert np.abs(shown - last).mean() < 3.0
 
 
-@pytest.mark.parametrize(
+@cases(
     ("arguments", "message"),
     [
         (("generalst",), "unknown policy (no such file either) 'generalst'"),
@@ -173,7 +174,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
         (("generalist", "--satellite", "microsatt"), "unknown satellite"),
         (("generalist", "--inertia", "stepp"), "unknown inertia mode"),
         (("generalist", "--scenario", "windy"), "unknown scenario"),
-        (("generalist", "--horizon", "10.5"), "must be a whole number"),
+        (("generalist", "--horizon", "10.5"), "must be an integer"),
         (("generalist", "--seed", "-1"), "seed must be"),
         (("generalist", "--every", "0"), "every must be at least 1"),
         (("generalist", "--size", "20"), "render_size must be"),
@@ -181,7 +182,6 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
         (("generalist", "--output", "file/flight.mp4"), "file: "),
         (("generalist", "--output", "folder.gif"), "is a folder"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_what_cannot_be_recorded_is_refused_at_once(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)

@@ -84,9 +84,10 @@ def test_history_is_what_info_says():
 
 
 def test_a_foreign_estimators_belief_is_shown():
-    env = flown(3, estimator=FilterpyMomentumEKF())
-    np.testing.assert_allclose(env._history.estimate[-1], env._plugin.estimator.mean[3:6], rtol=0, atol=0)
-    np.testing.assert_allclose(env._history.std[-1], np.sqrt(np.diag(env._plugin.estimator.covariance)[3:6]))
+    estimator = FilterpyMomentumEKF()
+    env = flown(3, estimator=estimator)
+    np.testing.assert_allclose(env._history.estimate[-1], estimator.mean[3:6], rtol=0, atol=0)
+    np.testing.assert_allclose(env._history.std[-1], np.sqrt(np.diag(estimator.covariance)[3:6]))
 
 
 def test_a_strip_puts_values_where_they_belong():

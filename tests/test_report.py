@@ -21,6 +21,9 @@ from baselines import BASELINES, make_baseline
 from baselines.command.cli import exit_code
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.files import read_json
+from tests.cases import cases
+
+pytestmark = pytest.mark.slow  # in a browser
 
 POLICIES = ("chirp", "rate_square", "zero", "generalist")
 
@@ -352,7 +355,7 @@ def test_bands_by_hand():
     assert rounded(np.array([1234.56, -0.000123456]), 2) == [1200.0, -0.00012]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("file", "name", "value"),
     [
         ("compare", "records", 5),

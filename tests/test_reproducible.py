@@ -9,8 +9,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.golden.flights import CASES, fly
-from tests.long_haul import SAMPLES, Haul, LongHaul
+from tests.qa.long_haul import SAMPLES, Haul, LongHaul
+
+pytestmark = pytest.mark.slow  # in processes of its own
 
 ROOT = Path(__file__).parent.parent
 THREADS = (1, 2, 3)

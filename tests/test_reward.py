@@ -11,6 +11,7 @@ from satid_gym.core.records import Criterion
 from satid_gym.estimators import MomentumEKF
 from satid_gym.reward import RewardSettings
 from satid_gym.scenario import SCENARIOS, prior_of
+from tests.cases import cases
 
 LOG2 = np.log(2.0)
 
@@ -42,7 +43,7 @@ def nats(ekf: MomentumEKF, criterion: int) -> float:
 # Information
 
 
-@pytest.mark.parametrize(
+@cases(
     ("stds", "logdet", "trace", "maxeig"),
     [
         # std over prior std: none learned; one axis to a half; every axis to a quarter
@@ -108,8 +109,8 @@ def test_a_lost_covariance_is_flagged_and_not_hidden():
     assert ekf.records["broken"][0] == 1
 
 
-@pytest.mark.parametrize("criterion", Criterion)
-@pytest.mark.parametrize("variance", [0.0, -1.0])
+@cases("criterion", Criterion)
+@cases("variance", [0.0, -1.0])
 def test_a_covariance_without_spread_is_flagged_by_every_criterion(criterion, variance):
     """Nothing is known to a variance of zero: -inf nats, or NaN below, and the flag says that the filter is lost."""
     ekf = started()
@@ -125,7 +126,7 @@ def square_wave(step: int, amplitude: float = 0.1) -> np.ndarray:
     return amplitude * np.where((step / 20.0 + np.arange(3) / 3.0) % 1.0 < 0.5, 1.0, -1.0).astype(np.float32)
 
 
-@pytest.mark.parametrize("criterion", ["logdet", "trace", "maxeig"])
+@cases("criterion", ["logdet", "trace", "maxeig"])
 def test_reward_is_a_tenth_of_the_information_inside_the_envelope(criterion):
     env = SatInertiaIDEnv(reward=criterion)
     env.reset(seed=1)

@@ -16,6 +16,7 @@ from baselines.command.cli import exit_code
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.shipped import find
 
+pytestmark = pytest.mark.slow  # trains
 SMALL = SACSettings(
     satellite="microsat",
     num_envs=8,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
+from scipy.stats import kstest
 
 from satid_gym import SatInertiaIDEnv
 from satid_gym.core import kernels
 from satid_gym.core.random import normal
+from tests.cases import cases
 
 DT = 0.1
 
@@ -27,7 +28,7 @@ def noisy(lag: float) -> SatInertiaIDEnv:
     return env
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.25])
+@cases("lag", [0.0, 0.25])
 def test_a_sample_draw_by_draw(lag):
     """Motors first, then the gyro's bias, then the readings, each with the next deviates of the stream."""
     env = noisy(lag)
@@ -62,3 +63,26 @@ def test_the_motor_torque_is_what_turns_the_wheels():
     before = plant["wheel_momentum"].copy()
     kernels.sample(env.fleet.rows, env.fleet.work)
     np.testing.assert_allclose(plant["wheel_momentum"] - before, DT * plant["motor_torque"], rtol=1e-9)
+
+
+def test_walks_of_the_studies_have_the_size_that_is_asked_for():
+    """Steps of disturbance torque and moments, normal with variance in proportion to time; none unless asked for."""
+    env = SatInertiaIDEnv(scenario={"torque_noise": 0.0})
+    env.reset(seed=2)
+    plants = env.fleet.rows.plants
+    torque, moments = plants["torque_constant"][0].copy(), np.diag(plants["inertia"][0]).copy()
+    kernels.sample(env.fleet.rows, env.fleet.work)
+    np.testing.assert_array_equal(plants["torque_constant"][0], torque)
+    np.testing.assert_array_equal(np.diag(plants["inertia"][0]), moments)
+    size = np.array([1e-3, 2e-3, 3e-3])
+    plants["torque_walk"], plants["inertia_walk"] = 2e-6, size
+    seen = [(torque, moments)]
+    for _ in range(300):
+        kernels.sample(env.fleet.rows, env.fleet.work)
+        plant = plants[0]
+        seen.append((plant["torque_constant"].copy(), np.diag(plant["inertia"]).copy()))
+        spin = plant["axes"] @ (plant["wheel_inertia"] * plant["wheel_speed"])
+        np.testing.assert_allclose(plant["momentum"], plant["inertia"] @ plant["rate"] + spin, rtol=1e-9, atol=1e-12)
+    for path, std in zip(map(np.array, zip(*seen, strict=True)), (2e-6, size), strict=True):
+        steps = np.diff(path, axis=0) / (std * np.sqrt(DT))
+        assert kstest(steps.ravel(), "norm").pvalue > 1e-5

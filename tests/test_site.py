@@ -6,6 +6,8 @@ from mkdocs.config import load_config
 
 from agents.docs.readme import ROOT
 
+pytestmark = pytest.mark.slow  # builds the site and opens it in a browser
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):

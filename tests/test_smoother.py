@@ -9,6 +9,7 @@ from satid_gym import SCENARIOS, simulate
 from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF, MomentumEKFSettings, MomentumSmoother
 from satid_gym.estimators.smoother import _Transition
 from satid_gym.scenario import prior_of
+from tests.cases import cases
 
 
 def flight(satellite, count, dt=0.5, seed=0, omega0=(0.0, 0.0, 0.0), disturbance=None):
@@ -57,7 +58,7 @@ def assert_same(run, mean, covariance, rtol=1e-5):
     assert np.abs((run.covariance - covariance) / (std[:, :, None] * std[:, None, :])).max() < rtol
 
 
-@pytest.mark.parametrize("parameters", ["principal", "full"])
+@cases("parameters", ["principal", "full"])
 def test_equals_filterpy(parameters, pyramid):
     known, gyro, wheel_speed, _ = flight(pyramid, 40)
     reference = Reference(known, gyro, wheel_speed, 0.5, parameters)
@@ -112,7 +113,7 @@ def root(covariance):
     return std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-@pytest.mark.parametrize("substeps", [1, 4])
+@cases("substeps", [1, 4])
 def test_transition_is_the_filters(substeps, skewed):
     known, gyro, wheel_speed, _ = flight(skewed, 3, omega0=(0.02, -0.03, 0.04))
     kf = MomentumEKF(substeps=substeps, parameters="full")

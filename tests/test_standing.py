@@ -1,4 +1,4 @@
-"""What is said of a comparison: who is compared with whom, and how the reward ranks policies."""
+"""Standings of a comparison: who is compared with whom, and how the reward ranks policies."""
 
 import json
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents.benchmark.ranking import standings
+from agents.benchmark.summary.ranking import standings
 from agents.docs import readme, results_tables, reward_figure
+from tests.cases import cases
 
 COMMAND = "python -m agents.compare --output results"
 
@@ -44,7 +45,7 @@ TIMES = {"mpc": {"alone": 1.0, "side_by_side": 2.0}, "net": {"alone": 0.1, "side
 TIMING = {"episodes": 100, "decision_ms": TIMES}
 
 
-@pytest.mark.parametrize("beyond", ["outside_fraction", "saturated_fraction"])
+@cases("beyond", ["outside_fraction", "saturated_fraction"])
 def test_who_is_outside_the_envelope_is_not_compared_with(beyond):
     static, step = standings(comparison(**{beyond: 0.011}), "net")
     assert (static.profile, static.over_profile) == (None, None)

@@ -11,9 +11,11 @@ from agents.benchmark.compare import Comparison, compare, main, stored_lines, wr
 from agents.benchmark.report.leaderboard import leaderboard
 from agents.benchmark.report.page import page_data
 from agents.benchmark.results import read_results
-from agents.benchmark.tables import print_comparison
+from agents.benchmark.summary.tables import print_comparison
+from baselines.command.cli import exit_code
 from satid_gym.files import DamagedFileError
 from satid_gym.policies.registry import BASELINES, PLANNERS, make_baseline
+from tests.cases import cases
 
 CELL = {"satellites": ("cubesat",), "modes": ("static", "step"), "episodes": 2, "seed_split": "validation"}
 SHORT = ("zero", "rate_square")
@@ -77,7 +79,7 @@ def test_figures_of_the_same_episodes_are_shown_with_their_revision(tmp_path, pl
     assert str(tmp_path) not in json.dumps(result)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "said"),
     [
         (lambda r: r["seeds"].update(count=3), "are of 3 validation seeds from 2000000000, not of 2"),
@@ -94,6 +96,7 @@ def test_figures_of_the_same_episodes_are_shown_with_their_revision(tmp_path, pl
     ],
 )
 def test_figures_of_other_episodes_are_never_shown(tmp_path, plain, full, change, said):
+    full = copy.deepcopy(full)
     change(full)
     shown, notes = found(tmp_path, full, plain)
     assert not shown
@@ -130,7 +133,7 @@ def test_differences_of_a_billionth_are_none(plain):
     assert stored.differing(plain["records"], near) == {}
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"records": []}', '{"records": [5], "efficiencies": []}'])
+@cases("text", ["", "[]", '{"records": []}', '{"records": [5], "efficiencies": []}'])
 def test_a_damaged_file_gives_no_figures_but_a_note(tmp_path, plain, text):
     file = tmp_path / "compare.json"
     file.write_text(text)
@@ -214,7 +217,7 @@ def test_the_command_shows_stored_figures_and_overwrites_none(tmp_path, plain, f
     monkeypatch.setattr(Cell, "start", start)
     line = "--satellites cubesat --modes static step --episodes 2 --seed-split validation --output"
     monkeypatch.setattr("sys.argv", ["compare", *line.split(), str(tmp_path)])
-    assert main() == 0
+    assert exit_code(main) == 0
     assert set(flown) == set(SHORT)
     printed = capsys.readouterr().out
     assert "mpc (stored)" in printed

@@ -20,6 +20,8 @@ from satid_gym import RewardSettings
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.profiles import PROFILES
 
+pytestmark = pytest.mark.slow  # trains
+
 SMALL = {
     "satellite": "microsat",
     "num_envs": 16,

@@ -24,7 +24,7 @@ def test_readings_filtered_anew_give_what_the_environments_filter_gave():
         seeds=seeds("tuning", 2),
         scenario=benchmark_scenario(),
     )
-    truth = np.diagonal(flown.course.inertia, axis1=2, axis2=3)
+    truth = np.diagonal(flown.motion.inertia, axis1=2, axis2=3)
     error = np.linalg.norm(flown.theta - truth, axis=2) / np.linalg.norm(truth, axis=2)
     found = filter_sensitivity.filtered({}, "microsat", flown, "step")
     assert found["final_error"] == pytest.approx(metrics.final_error(error.T).mean(), rel=1e-6)

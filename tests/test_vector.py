@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.gym_api import INFO_KEYS
+from tests.cases import cases
 
 HORIZON = 7  # decisions an episode: several autoresets in every flight
 STEPS = 24
@@ -224,7 +225,7 @@ def state_of(env: SatInertiaIDVectorEnv) -> bytes:
     return b"".join(record.tobytes() for record in records) + repr((generators, env.np_random_seed)).encode()
 
 
-@pytest.mark.parametrize(
+@cases(
     ("wrong", "message"),
     [
         (np.zeros((4, 2)), r"actions must have shape \(4, 3\), got \(4, 2\)"),
@@ -241,7 +242,7 @@ def test_bad_actions_are_refused(wrong, message, flying):
     assert state_of(flying) == before
 
 
-@pytest.mark.parametrize(
+@cases(
     ("arguments", "message"),
     [
         ({"seed": [1, 2, 3]}, "seed must be one number or 4 of them, got 3"),
@@ -260,7 +261,7 @@ def test_a_bad_reset_is_refused(arguments, message, flying):
     assert state_of(flying) == before
 
 
-@pytest.mark.parametrize("seed", [-1, [1, 2, -3, 4], [1, 2, 3, 4.5]])
+@cases("seed", [-1, [1, 2, -3, 4], [1, 2, 3, 4.5]])
 def test_a_bad_seed_is_refused(seed, flying):
     before = state_of(flying)
     with pytest.raises(gymnasium.error.Error, match=r"[Ss]eed must be"):

@@ -13,6 +13,7 @@ from baselines.command.cli import exit_code
 from satid_gym import SATELLITES
 from satid_gym.policies import BASELINES, make_baseline
 from satid_gym.profiles import PROFILES
+from tests.cases import cases
 
 
 def record(policy, kind, final, mean=None, **changes):
@@ -60,7 +61,7 @@ def test_a_policy_that_does_all_that_is_asked_holds():
     assert all(held(benchmark_claims(results(cell()), "own")).values())
 
 
-@pytest.mark.parametrize(
+@cases(
     ("changes", "broken"),
     [
         ({"final_error_mean": 0.0041}, ["final error over the best of the eight, at most 1/3"]),
@@ -150,7 +151,7 @@ def kept(tmp_path, keep, *tables, name="compare"):
     return tmp_path
 
 
-@pytest.mark.parametrize(
+@cases(
     ("keep", "lacks"),
     [
         (lambda r: r["policy"] not in ("one_step", "mpc"), "without policies one_step, mpc: "),
@@ -167,7 +168,7 @@ def test_a_smaller_comparison_is_refused_with_what_is_missing(keep, lacks, tmp_p
     assert errors.endswith(f"run python -m agents.compare --all --scenario default --output {tmp_path}\n")
 
 
-@pytest.mark.parametrize(
+@cases(
     ("table", "lacks"),
     [
         ("pairs", "pairs of a judged policy with a closed loop"),
@@ -196,7 +197,7 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in DAMAGED.items() for value in values])
+@cases(("name", "value"), [(name, value) for name, values in DAMAGED.items() for value in values])
 def test_damaged_results_are_refused_in_a_line(name, value, tmp_path, capsys, monkeypatch):
     whole = json.loads((RESULTS / "compare.json").read_text())
     (tmp_path / "compare.json").write_text(json.dumps({**whole, name: value}))
@@ -206,7 +207,7 @@ def test_damaged_results_are_refused_in_a_line(name, value, tmp_path, capsys, mo
     assert name in errors
 
 
-@pytest.mark.parametrize("value", ["much", None, True, "10**400", float("nan")], ids=str)
+@cases("value", ["much", None, True, "10**400", float("nan")])
 def test_a_score_that_is_no_number_is_refused_with_its_place(value, tmp_path, capsys, monkeypatch):
     whole = json.loads((RESULTS / "compare.json").read_text())
     whole["records"][7]["final_error_mean"] = 10**400 if value == "10**400" else value

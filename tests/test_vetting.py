@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from satid_gym import ReactionWheels, simulate
 from satid_gym.estimators import FilterPrior, FilterpyMomentumEKF, MomentumEKF
 from satid_gym.scenario import SCENARIOS, prior_of
+from tests.cases import cases
 
 DT, GATE = 0.1, 1e-6
 
@@ -72,7 +73,7 @@ def assert_same(fast, slow) -> None:
     np.testing.assert_allclose(fast.covariance / np.outer(std, std), slow.covariance / np.outer(std, std), atol=1e-7)
 
 
-@pytest.mark.parametrize(("story", "shape"), list(dict.fromkeys(TOLD)))
+@cases(("story", "shape"), list(dict.fromkeys(TOLD)))
 def test_every_step_is_filterpys(story, shape, request):
     name, parameters, substeps = shape
     satellite = request.getfixturevalue(name)
@@ -130,7 +131,7 @@ def read(filter: MomentumEKF, *gyro: float) -> float:
     return 3.0 * filter.update(np.array(gyro), speed)
 
 
-@pytest.mark.parametrize(("share", "accepted"), [(0.9999, True), (1.0001, False)])
+@cases(("share", "accepted"), [(0.9999, True), (1.0001, False)])
 def test_a_reading_is_rejected_beyond_the_quantile_of_its_distance(share, accepted):
     """Two readings of M have a difference of variance 2 sigma^2, so x is at a distance of x^2 / 2 sigma^2."""
     filter = resting()

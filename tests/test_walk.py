@@ -30,6 +30,7 @@ from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import SCENARIOS, prior_of
+from tests.cases import cases
 
 SECOND = round(1.0 / DT)
 
@@ -288,7 +289,7 @@ def test_planners_are_told_of_the_filter_that_is_flown():
         assert mission.estimator == estimator_settings(estimator).replace(parameters="principal")
 
 
-@pytest.mark.parametrize("own", [FilterpyAdaptiveEKF(log_q_drift=0.1), MomentumEKF(inertia_walk=0.001), RateEKF()])
+@cases("own", [FilterpyAdaptiveEKF(log_q_drift=0.1), MomentumEKF(inertia_walk=0.001), RateEKF()])
 def test_planners_are_told_of_a_plugged_in_filter_of_the_library(own):
     (mission,) = missions(SatInertiaIDEnv(estimator=own).problem)
     assert mission.estimator == own.settings.replace(parameters="principal")
@@ -305,7 +306,7 @@ def test_an_inertia_that_walks_faster_than_most_walk_is_followed_once_that_is_ra
     assert nees[0.02] > 2.0 * nees[0.2]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("settings", "message"),
     [
         ({"inertia_walk": -0.001}, "inertia_walk must be"),

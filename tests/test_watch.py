@@ -19,7 +19,8 @@ from agents.viewer import watch
 from agents.viewer.dashboard import bar, dashboard, sparkline, summary
 from agents.viewer.rollout import Pairing
 from baselines.command.cli import exit_code
-from tests.faults import heed_interrupts
+from tests.cases import cases
+from tests.qa.interruption import heed_interrupts
 
 PAIRING = Pairing(policy="generalist", horizon=20.0)
 TITLE = "microsat, step inertia"
@@ -137,7 +138,7 @@ def test_without_a_terminal_it_prints_lines(kind, monkeypatch):
     assert lines[-1] == summary(rollouts)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("arguments", "message"),
     [(("nobody",), "unknown policy"), (("generalist", "--speed", "0"), "speed must be finite and more than 0")],
 )

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agents.benchmark.ranking import inside
 from agents.benchmark.results import file_names, read_results
+from agents.benchmark.summary.ranking import inside
 from baselines.command import cli
 from baselines.tuning.amplitudes import tune
 from satid_gym import ReactionWheels, Satellite

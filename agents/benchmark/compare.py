@@ -24,7 +24,7 @@ from agents.benchmark.flights import fly_cells, fly_shown_episode, instants
 from agents.benchmark.report import write_report
 from agents.benchmark.results import file_names
 from agents.benchmark.stored import candidates, find_stored, keep_planners, with_stored
-from agents.benchmark.tables import print_comparison
+from agents.benchmark.summary.tables import print_comparison
 from baselines.command import cli
 from baselines.command.options import ScenarioText
 from baselines.command.provenance import portable, result_head

@@ -12,7 +12,7 @@ import tyro
 
 from agents.benchmark.compare import Comparison, compare
 from agents.benchmark.entrants import Prepared, learned
-from agents.benchmark.tables import print_comparison
+from agents.benchmark.summary.tables import print_comparison
 from baselines.command import cli
 from baselines.command.options import ScenarioText
 from satid_gym.laws import INERTIA_MODES

@@ -16,7 +16,7 @@ from agents.benchmark.cell import Cell
 from agents.benchmark.entrants import Entrants
 from agents.benchmark.report.curves import error_bands, rounded
 from agents.benchmark.report.episode import episode_cell, fly_episode, shown_policies
-from agents.benchmark.statistics import PAIRED_KINDS, Scores, pair, record
+from agents.benchmark.summary.statistics import PAIRED_KINDS, Scores, pair, record
 from satid_gym.evaluation import benchmark_scenario
 from satid_gym.policy import Policy
 from satid_gym.selection import label

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.benchmark.ranking import cells, standings
+from agents.benchmark.summary.ranking import cells, standings
 from agents.docs.readme import REMEDY, RESULTS, ROOT
 from agents.docs.results_tables import source
 from baselines.command import cli

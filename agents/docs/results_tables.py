@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.benchmark.ranking import Standing, best, cells, keeps_envelope, ranks, standings
+from agents.benchmark.summary.ranking import Standing, best, cells, keeps_envelope, ranks, standings
 from agents.docs.reward_figure import NEARLY, correlations
 from baselines.command.markdown import table
 from satid_gym.metrics import BEYOND_MAX

@@ -1,4 +1,4 @@
-"""Does the reward rank policies as their errors do? `python -m agents.docs.reward_figure` draws it, cell by cell.
+"""Figure of reward against error, policy by policy in each cell: `python -m agents.docs.reward_figure`.
 
 Reads docs/results/compare.json and writes docs/media/reward_ranks.png: reward against mean error of every policy in
 each cell, with the rank correlation over the policies that keep to the envelope or nearly do.
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.stats
 
-from agents.benchmark.ranking import cells, keeps_envelope
+from agents.benchmark.summary.ranking import cells, keeps_envelope
 from baselines.command import cli
 from satid_gym.files import check_writable, read_json
 from satid_gym.metrics import BEYOND_MAX

@@ -20,7 +20,7 @@ from agents.training.run import summary, validate
 from agents.training.teacher import Answers, answers
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ def answers_of(runs: Sequence[Path], rounds: int) -> list[Answers]:
 def main(combination: Combination) -> None:
     """Command line."""
     with cli.user_errors():
-        check_whole("epochs", combination.epochs)
+        check_integer("epochs", combination.epochs)
         own = settings_of(combination.runs)
         settings = dataclasses.replace(own[0], seed=combination.seed, epochs=combination.epochs)
         folder = combination.run or Path("runs") / f"{settings.name}-combined-{settings.seed}"

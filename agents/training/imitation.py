@@ -25,7 +25,7 @@ from agents.training.run import Run, RunOptions, network_of
 from agents.training.settings import ANEW
 from agents.training.teacher import Answers, TeacherSettings, answers, fly_round, save_round
 from baselines.command import cli
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 from satid_gym.files import read_json, write_json
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.problem import problem
@@ -64,7 +64,7 @@ class ImitationSettings(TeacherSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("epochs", "round_epochs", "batch_size"):
-            check_whole(name, getattr(self, name))
+            check_integer(name, getattr(self, name))
 
 
 def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Network:

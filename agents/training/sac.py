@@ -11,7 +11,7 @@ from stable_baselines3 import SAC
 from agents.training.run import Run, network_of
 from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.settings import RLSettings
-from satid_gym.config import check_number, check_whole
+from satid_gym.config import check_integer, check_number
 from satid_gym.policies.learned import LearnedPolicy
 
 
@@ -49,8 +49,8 @@ class SACSettings(RLSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("rollout", "gradient_steps", "warmup"):
-            check_whole(name, getattr(self, name))
-        check_whole("buffer", self.buffer, low=self.num_envs)
+            check_integer(name, getattr(self, name))
+        check_integer("buffer", self.buffer, low=self.num_envs)
         check_number("entropy", self.entropy, strict=True)
 
 

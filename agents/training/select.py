@@ -20,7 +20,7 @@ from agents.training.settings import ANEW, Task
 from agents.training.train import SETTINGS
 from baselines.command import cli
 from baselines.command.provenance import command
-from satid_gym.config import check_number, check_whole
+from satid_gym.config import check_integer, check_number
 from satid_gym.files import read_json
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.shipped import PRETRAINED
@@ -50,7 +50,7 @@ class SeedSelection:
         """
         if not self.runs:
             raise ValueError("name at least one run")
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
         policies = [LearnedPolicy.load(run / "policy") for run in self.runs]
         for policy in policies:
             policy.margin = policy.margin if self.margin is None else check_number("margin", self.margin)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
-from satid_gym.config import Config, check_whole
+from satid_gym.config import Config, check_integer
 from satid_gym.files import DamagedFileError, read_json
 from satid_gym.policies.learned import check_name
 from satid_gym.problem import problem, resolve_satellites
@@ -156,4 +156,4 @@ class RLSettings(Task):
         object.__setattr__(self, "reward", reward_settings(self.reward))
         super().__post_init__()
         for name in ("steps", "num_envs", "batch_size", "evaluate_every"):
-            check_whole(name, getattr(self, name))
+            check_integer(name, getattr(self, name))

@@ -20,7 +20,7 @@ import numpy as np
 
 from agents.training.settings import Task
 from satid_gym import SatInertiaIDVectorEnv
-from satid_gym.config import check_number, check_whole
+from satid_gym.config import check_integer, check_number
 from satid_gym.control.planner import ADAPTIVE_WALK
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import seeds
@@ -56,8 +56,8 @@ class TeacherSettings(Task):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("rounds", "edits", "steps"):
-            check_whole(name, getattr(self, name))
-        check_whole("episodes, which are shared among the inertia modes,", self.episodes, low=len(self.modes))
+            check_integer(name, getattr(self, name))
+        check_integer("episodes, which are shared among the inertia modes,", self.episodes, low=len(self.modes))
         check_number("taught", self.taught, high=1.0)
         if len(self.walks) != len(INERTIA_MODES):
             raise ValueError(

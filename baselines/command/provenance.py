@@ -1,4 +1,4 @@
-"""Where a result comes from: command, revision and versions."""
+"""Provenance of a result: command, revision and versions."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from baselines.paper.page import page
 from baselines.paper.study import HORIZON, EpisodeScore, horizon_jobs, run_all, table_jobs
 from baselines.paper.summary import cells, checks, finite
 from baselines.paper.world import MOMENTUM_SETTINGS, scenario
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 from satid_gym.estimators import RateEKFSettings
 from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_json, write_text
@@ -44,7 +44,7 @@ class PaperStudy:
         Raises:
             ValueError: the number of seeds is not positive.
         """
-        check_whole("seeds", self.seeds)
+        check_integer("seeds", self.seeds)
 
 
 def main(study: PaperStudy) -> int:

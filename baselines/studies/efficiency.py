@@ -23,7 +23,7 @@ from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.studies.recording import Recording, model_world, record
 from satid_gym.bounds import episode_bounds, law_growth, population_bound, posterior_bound
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.core import kernels
 from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.estimators.inertia import inertia_parameters, inertia_tensors
@@ -54,7 +54,7 @@ EXCITING = (
 
 def square_error(theta: np.ndarray, recording: Recording) -> np.ndarray:
     """Squared relative error (N,) of the inertia with parameters theta (N, T, p), mean over the final window."""
-    return final(np.square(relative_error(inertia_tensors(theta), recording.course.inertia)))
+    return final(np.square(relative_error(inertia_tensors(theta), recording.motion.inertia)))
 
 
 def final(series: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def known_law_estimates(recording: Recording, satellite: str, scenario: Scenario
     After each prediction theta and its covariance grow by the true factors from the instant before.
     """
     prior = prior_of(SATELLITES[satellite], scenario)
-    theta = inertia_parameters(recording.course.inertia, prior.needed_parameters)
+    theta = inertia_parameters(recording.motion.inertia, prior.needed_parameters)
     growth = np.pad(law_growth(theta), ((0, 0), (0, 0), (3, 3)), constant_values=1.0)  # of the state [M, theta, tau]
     estimates = np.empty_like(theta)
     for episode, factors in enumerate(growth):
@@ -99,8 +99,8 @@ def error_over_bound(policy: str, satellite: str, walking: bool, chosen: Sequenc
         as_modelled=True,
     )
     prior = prior_of(SATELLITES[satellite], model_world(SCENARIOS["default"]))
-    covariance = posterior_bound(recording.course, prior, settings, recording.dt)
-    inertia = recording.course.inertia
+    covariance = posterior_bound(recording.motion, prior, settings, recording.dt)
+    inertia = recording.motion.inertia
     bound = float(final(episode_bounds(covariance, inertia)).mean())
     error = square_error(recording.theta, recording)
     low, high = bootstrap(error)
@@ -130,15 +130,15 @@ def cost_of_unknown_law(policy: str, satellite: str, mode: str, chosen: Sequence
         )
         for estimator in ("momentum", "adaptive")
     )
-    prior, course = prior_of(SATELLITES[satellite], world), recording.course
+    prior, motion = prior_of(SATELLITES[satellite], world), recording.motion
     known_law = square_error(known_law_estimates(recording, satellite, world), recording).mean()
-    bound = posterior_bound(course, prior, LAW_KNOWN, recording.dt, law_known=True)
+    bound = posterior_bound(motion, prior, LAW_KNOWN, recording.dt, law_known=True)
     adaptive = square_error(recording.theta, recording).mean()
     return {
         "rms_fixed_walk": float(np.sqrt(square_error(fixed.theta, fixed).mean())),
         "rms_adaptive": float(np.sqrt(adaptive)),
         "rms_known_law": float(np.sqrt(known_law)),
-        "rms_bound": float(np.sqrt(final(episode_bounds(bound, course.inertia)).mean())),
+        "rms_bound": float(np.sqrt(final(episode_bounds(bound, motion.inertia)).mean())),
         "cost_ratio": float(np.sqrt(adaptive / known_law)),
     }
 
@@ -166,7 +166,7 @@ class EfficiencyStudy:
         """
         check_names("satellite", self.satellites, SATELLITES)
         check_names("policy", (*self.policies, self.reference), BASELINES)
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
 
 
 def run(study: EfficiencyStudy) -> dict[str, Any]:

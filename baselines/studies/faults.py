@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import FIRST_SEED, Flight, benchmark_scenario, fly, seeds
 from satid_gym.faults import Faults
 from satid_gym.files import check_writable, write_json
@@ -93,7 +93,7 @@ class FaultStudy:
         check_names("inertia mode", (self.inertia,), INERTIA_MODES)
         check_names("case", self.cases, CASES)
         check_names("split of seeds", (self.seed_split,), FIRST_SEED)
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
 
 
 def worlds(case: str) -> dict[str, Scenario]:

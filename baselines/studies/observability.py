@@ -30,7 +30,7 @@ from baselines.command.provenance import result_head
 from baselines.studies.excitation_family import FAMILY, matched
 from baselines.studies.recording import Recording, record
 from satid_gym.bounds import posterior_bound
-from satid_gym.config import check_names, check_number, check_whole
+from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.estimators import MomentumEKF, MomentumEKFSettings, RateEKF
 from satid_gym.estimators.inertia import inertia_parameters, inertia_tensors
 from satid_gym.estimators.least_squares import NotIdentifiedError, differentiated, instrumental_variable, momentum_form
@@ -95,7 +95,7 @@ class ObservabilityStudy:
         """
         check_names("satellite", (self.satellite,), SATELLITES)
         check_number("torque", self.torque, strict=True, high=1.0)
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
 
 
 def information(recording: Recording, prior: FilterPrior) -> dict[str, float]:
@@ -108,7 +108,7 @@ def information(recording: Recording, prior: FilterPrior) -> dict[str, float]:
     parameters = prior.needed_parameters
     scale = prior.theta_scale(parameters)
     bounds = [
-        posterior_bound(recording.course, prior, settings, recording.dt) / np.outer(scale, scale)
+        posterior_bound(recording.motion, prior, settings, recording.dt) / np.outer(scale, scale)
         for settings in (MomentumEKFSettings(inertia_walk=0.0), MomentumEKFSettings())
     ]
     fisher = np.linalg.inv(bounds[0][:, -1]) - np.diag((scale / prior.prior_theta_std(parameters)) ** 2)
@@ -131,7 +131,7 @@ def errors(recording: Recording, prior: FilterPrior, samples: int) -> dict[str, 
     for row in range(len(recording.gyro)):
         readings = (prior, recording.gyro[row], recording.tachometer[row], recording.dt)
         decimated = (prior, readings[1][::samples], readings[2][::samples], samples * recording.dt)
-        truth = recording.course.inertia[row, window:]
+        truth = recording.motion.inertia[row, window:]
         estimates = {
             "ls": _batch(partial(differentiated, *decimated), prior_theta),
             "momentum_ls": _batch(partial(momentum_form, *readings), prior_theta),

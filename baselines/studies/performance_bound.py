@@ -81,20 +81,20 @@ def performance_bound(
     walks = _WALKS if adaptive else (settings.inertia_walk,)
     filters = [MomentumEKFSettings(parameters=settings.parameters, inertia_walk=walk) for walk in walks]
     recording = record(ZeroPolicy(), satellite=satellite, inertia=mode, seeds=chosen, scenario=scenario)
-    course, prior = recording.course, prior_of(nominal, scenario)
+    motion, prior = recording.motion, prior_of(nominal, scenario)
     operated, static = scenario.operate(nominal), filters[0].replace(inertia_walk=0.0)
-    bound = envelope_bound(course, operated, prior, static, recording.dt, law_known=True)
+    bound = envelope_bound(motion, operated, prior, static, recording.dt, law_known=True)
     decisions = slice(scenario.samples, None, scenario.samples)
-    cap = rate_cap(course, operated, recording.dt)  # once for all filters: it takes longer than their equations
-    information = sample_information(cap, course.inertia, prior, PARAMETER_COUNT[posed.parameters])
+    cap = rate_cap(motion, operated, recording.dt)  # once for all filters: it takes longer than their equations
+    information = sample_information(cap, motion.inertia, prior, PARAMETER_COUNT[posed.parameters])
 
     def limit(settings: MomentumEKFSettings) -> np.ndarray:
         given = {"finds_steps": adaptive, "information": information}
-        error = reference_limit(course, operated, prior, settings, recording.dt, **given)
-        return np.sqrt(episode_bounds(error, course.inertia).mean(axis=0))[decisions]
+        error = reference_limit(motion, operated, prior, settings, recording.dt, **given)
+        return np.sqrt(episode_bounds(error, motion.inertia).mean(axis=0))[decisions]
 
     return PerformanceBound(
-        bound=np.sqrt(population_bound(bound, course.inertia))[decisions],
+        bound=np.sqrt(population_bound(bound, motion.inertia))[decisions],
         reference_limit=min((limit(settings) for settings in filters), key=_final),
     )
 

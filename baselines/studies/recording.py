@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
-from satid_gym.bounds import Course
+from satid_gym.bounds import TrueMotion
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.faults import Faults
@@ -31,7 +31,7 @@ class Recording:
     """N episodes at T instants, the first of them the start.
 
     Attributes:
-        course: the truth.
+        motion: the truth.
         dt: s between two instants.
         attitude: (N, T, 4) quaternion, body to inertial, scalar last.
         gyro, tachometer: (N, T, 3) and (N, T, n) readings, rad/s.
@@ -41,7 +41,7 @@ class Recording:
         constrained_updates: updates that the filter shortened, in all episodes.
     """
 
-    course: Course
+    motion: TrueMotion
     dt: float
     attitude: np.ndarray
     gyro: np.ndarray
@@ -100,7 +100,7 @@ def record(
     fleet.close()
     series = {name: np.ascontiguousarray(log[name]) for name in log.dtype.names or ()}
     return Recording(
-        course=Course(**{field.name: series[field.name] for field in fields(Course)}),
+        motion=TrueMotion(**{field.name: series[field.name] for field in fields(TrueMotion)}),
         dt=world.sample_period,
         outside=outside / world.decisions,
         constrained_updates=int(rows.beliefs["constrained_updates"].sum()),

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.policies.registry import BASELINES, make_baseline
@@ -77,7 +77,7 @@ class TimingStudy:
         """
         check_names("satellite", (self.satellite,), SATELLITES)
         check_names("policy", self.policies, [*BASELINES, *names()])
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
 
 
 def decision_ms(name: str, satellite: str, episodes: int) -> float:

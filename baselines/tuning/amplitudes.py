@@ -21,7 +21,7 @@ from typing import Any
 from tqdm import tqdm
 
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.metrics import BEYOND_MAX, beyond_envelope
@@ -173,7 +173,7 @@ class Tuning:
                 baseline has no grid, or settings for one's own would be written among the shipped ones.
         """
         check_output(self.satellites, self.scenarios, self.output, TUNED)
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
         check_tunable(tunable())
 
 

@@ -1,4 +1,4 @@
-"""What the AdaptiveEKF's settings change: `python -m baselines.tuning.filter_sensitivity`.
+"""Sensitivity of the AdaptiveEKF to its settings: `python -m baselines.tuning.filter_sensitivity`.
 
 Flights on the tuning seeds, over satellites, inertia modes with the paper's laws and policies that excite well and
 less well, are recorded once; every setting filters the same readings. One setting at a time is halved and doubled.
@@ -20,7 +20,7 @@ from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.studies.recording import Recording, record
 from satid_gym import metrics
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.estimators import AdaptiveEKF
 from satid_gym.estimators.inertia import inertia_parameters, inertia_tensors
 from satid_gym.evaluation import benchmark_scenario, seeds
@@ -54,7 +54,7 @@ class Study:
         """
         check_names("satellite", self.satellites, SATELLITES)
         check_names("policy", self.policies, BASELINES)
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
 
 
 def variants() -> list[dict[str, float]]:
@@ -66,13 +66,13 @@ def variants() -> list[dict[str, float]]:
 def filtered(settings: dict[str, float], satellite: str, recording: Recording, mode: str) -> dict[str, float]:
     """Mean scores of a filter on recorded readings."""
     prior, dt = prior_of(SATELLITES[satellite], benchmark_scenario()), recording.dt
-    truth = inertia_parameters(recording.course.inertia, prior.needed_parameters)
+    truth = inertia_parameters(recording.motion.inertia, prior.needed_parameters)
     time = dt * np.arange(truth.shape[1])
     error, nees = np.empty(truth.shape[1::-1]), np.empty(truth.shape[1::-1])
     for i, (gyro, tachometer) in enumerate(zip(recording.gyro, recording.tachometer, strict=True)):
         run = AdaptiveEKF(**settings).run(prior, gyro, tachometer, dt)
         apart = run.inertia - truth[i]
-        error[:, i] = metrics.relative_error(inertia_tensors(run.inertia), recording.course.inertia[i])
+        error[:, i] = metrics.relative_error(inertia_tensors(run.inertia), recording.motion.inertia[i])
         solved = np.linalg.solve(run.inertia_covariance, apart[:, :, None])[:, :, 0]
         nees[:, i] = (apart * solved).sum(axis=1) / truth.shape[2]
     step_time = 0.5 * time[-1] if mode == "step" else None

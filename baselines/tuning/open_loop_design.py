@@ -18,8 +18,8 @@ from tqdm import tqdm
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.tuning.amplitudes import Trial, attempt, best, check_output, definitions, judge
-from satid_gym.bounds import Course, posterior_bound
-from satid_gym.config import check_number, check_whole
+from satid_gym.bounds import TrueMotion, posterior_bound
+from satid_gym.config import check_integer, check_number
 from satid_gym.control.planner import planning_walk
 from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
@@ -67,20 +67,20 @@ class Design:
         """
         check_output(self.satellites, self.scenarios, self.output, DESIGNS)
         for name in ("population", "rounds", "reversals", "episodes"):
-            check_whole(name, getattr(self, name))
-        check_whole("elite", self.elite, high=self.population)
-        check_whole("seed", self.seed, low=0)
+            check_integer(name, getattr(self, name))
+        check_integer("elite", self.elite, high=self.population)
+        check_integer("seed", self.seed, low=0)
         check_number("fraction", self.fraction, strict=True, high=1.0)
 
 
-def nominal_course(rates: np.ndarray, satellite: Satellite, samples: int) -> Course:
+def nominal_course(rates: np.ndarray, satellite: Satellite, samples: int) -> TrueMotion:
     """Truth of the nominal satellite with rates (N, D + 1, 3) at the decisions' edges and zero momentum."""
     ramp = np.arange(samples)[:, None] / samples
     between = rates[:, :-1, None] + ramp * np.diff(rates, axis=1)[:, :, None]
     fine = np.concatenate([between.reshape(len(rates), -1, 3), rates[:, -1:]], axis=1)
     wheels = satellite.wheels
     still = np.zeros_like(fine)
-    return Course(
+    return TrueMotion(
         momentum=still,
         rate=fine,
         wheel_speed=-fine @ satellite.inertia @ np.linalg.pinv(wheels.axes).T / wheels.inertia,
@@ -97,8 +97,8 @@ def information(dwell: np.ndarray, satellite: Satellite, scenario: Scenario, fra
     prior, settings = prior_of(satellite, scenario), MomentumEKFSettings(inertia_walk=planning_walk(scenario.estimator))
     operated = scenario.operate(satellite)
     rates = planned_rates(dwell, operated, fraction, scenario.decisions, scenario.decision_period)
-    course = nominal_course(rates, operated, scenario.samples)
-    covariance = posterior_bound(course, prior, settings, scenario.sample_period)
+    motion = nominal_course(rates, operated, scenario.samples)
+    covariance = posterior_bound(motion, prior, settings, scenario.sample_period)
     log_prior = 2.0 * np.log(prior.prior_theta_std(prior.needed_parameters)).sum()
     return 0.5 * (log_prior - np.linalg.slogdet(covariance)[1].mean(axis=1))
 

@@ -1,11 +1,11 @@
 """Bounds on how well the inertia can be known, by any estimator and by any excitation."""
 
-from satid_gym.bounds.course import Course
 from satid_gym.bounds.envelope import envelope_bound, rate_cap, reference_limit, sample_information
+from satid_gym.bounds.motion import TrueMotion
 from satid_gym.bounds.posterior import episode_bounds, law_growth, population_bound, posterior_bound
 
 __all__ = [
-    "Course",
+    "TrueMotion",
     "envelope_bound",
     "episode_bounds",
     "law_growth",

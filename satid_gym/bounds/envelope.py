@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.bounds.course import Course
+from satid_gym.bounds.motion import TrueMotion
 from satid_gym.bounds.posterior import growth_factors
 from satid_gym.core.belief.gating import STEP
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
@@ -34,7 +34,7 @@ _SUDDEN = 0.02  # change of a parameter from one instant to the next, over its s
 
 
 def envelope_bound(
-    course: Course,
+    motion: TrueMotion,
     satellite: Satellite,
     prior: FilterPrior,
     settings: MomentumEKFSettings,
@@ -45,14 +45,14 @@ def envelope_bound(
     """Variance (N, T, p), kg^2 m^4, that no excitation inside the envelope can beat.
 
     Args:
-        course: of it only the start, the true inertia and the size of the external torque are used.
+        motion: of it only the start, the true inertia and the size of the external torque are used.
         satellite: with the limits that it is operated with.
         prior, settings, dt, law_known: see `posterior_bound`.
     """
     parameters = estimated_parameters(settings.parameters, prior)
-    theta = inertia_parameters(course.inertia, parameters)
+    theta = inertia_parameters(motion.inertia, parameters)
     growth = growth_factors(theta, law_known)
-    information = sample_information(rate_cap(course, satellite, dt), course.inertia, prior, theta.shape[2])
+    information = sample_information(rate_cap(motion, satellite, dt), motion.inertia, prior, theta.shape[2])
     scale = prior.theta_scale(parameters)
     walk = (settings.inertia_walk * scale) ** 2 * dt
     variance = np.broadcast_to(prior.prior_theta_std(parameters) ** 2, theta[:, 0].shape)
@@ -65,16 +65,16 @@ def envelope_bound(
     return out
 
 
-def rate_cap(course: Course, satellite: Satellite, dt: float) -> np.ndarray:
+def rate_cap(motion: TrueMotion, satellite: Satellite, dt: float) -> np.ndarray:
     """Largest |omega_i| (N, T, 3) that the rate, wheel speed and torque limits allow, rad/s."""
     wheels = satellite.wheels
-    time = dt * np.arange(course.momentum.shape[1])[None, :, None]
-    torque = np.linalg.norm(course.torque, axis=2).max(axis=1)[:, None, None]
-    momentum = np.linalg.norm(course.momentum[:, 0], axis=1)[:, None, None] + time * torque
+    time = dt * np.arange(motion.momentum.shape[1])[None, :, None]
+    torque = np.linalg.norm(motion.torque, axis=2).max(axis=1)[:, None, None]
+    momentum = np.linalg.norm(motion.momentum[:, 0], axis=1)[:, None, None] + time * torque
     stored = momentum + np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)
-    by_storage = _times(np.abs(np.linalg.inv(course.inertia)), stored)
-    J_free = course.inertia - wheels.rotor_inertia
-    start = np.abs(_times(J_free[:, 0], course.rate[:, 0]))[:, None]
+    by_storage = _times(np.abs(np.linalg.inv(motion.inertia)), stored)
+    J_free = motion.inertia - wheels.rotor_inertia
+    start = np.abs(_times(J_free[:, 0], motion.rate[:, 0]))[:, None]
     push = np.abs(wheels.axes) @ wheels.max_torque + momentum * np.sqrt(3.0) * satellite.rate_limit + torque
     by_torque = _times(np.abs(np.linalg.inv(J_free)), start + time * push)
     return np.minimum(satellite.rate_limit, np.minimum(by_storage, by_torque))
@@ -93,7 +93,7 @@ def sample_information(cap: np.ndarray, inertia: np.ndarray, prior: FilterPrior,
 
 
 def reference_limit(
-    course: Course,
+    motion: TrueMotion,
     satellite: Satellite,
     prior: FilterPrior,
     settings: MomentumEKFSettings,
@@ -104,11 +104,11 @@ def reference_limit(
 ) -> np.ndarray:
     """Mean square error (N, T, p) of a given filter if every sample told as much as the envelope allows.
 
-    Not a bound: what its tuning leaves of the envelope bound for the true course of the inertia. The filter's
+    Not a bound: what its tuning leaves of the envelope bound for the true variation of the inertia. The filter's
     gain is that of its own Riccati equation; the error is the noise it lets through and its lag, squared.
 
     Args:
-        course: truth, of N episodes at T instants.
+        motion: truth, of N episodes at T instants.
         satellite: with the limits it is operated with.
         prior: what the filter knows.
         settings: of the filter.
@@ -117,9 +117,9 @@ def reference_limit(
         information: (N, T, p) of `sample_information`, to compute it once for several filters.
     """
     parameters = estimated_parameters(settings.parameters, prior)
-    theta = inertia_parameters(course.inertia, parameters)
+    theta = inertia_parameters(motion.inertia, parameters)
     if information is None:
-        information = sample_information(rate_cap(course, satellite, dt), course.inertia, prior, theta.shape[2])
+        information = sample_information(rate_cap(motion, satellite, dt), motion.inertia, prior, theta.shape[2])
     believed = np.broadcast_to(prior.prior_theta_std(parameters) ** 2, theta[:, 0].shape)
     scale = prior.theta_scale(parameters)
     walk = (settings.inertia_walk * scale) ** 2 * dt

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from satid_gym.bounds.course import Course
+from satid_gym.bounds.motion import TrueMotion
 from satid_gym.core.algebra import add_diagonal, congruence, inverse, load, load_symmetric, store_symmetric
 from satid_gym.core.belief import momentum_filter, momentum_model
 from satid_gym.core.belief.kalman import estimated_inertia, update, write_times_regressor
@@ -28,12 +28,12 @@ from satid_gym.estimators.records import new_belief, new_work
 
 
 def posterior_bound(
-    course: Course, prior: FilterPrior, settings: MomentumEKFSettings, dt: float, *, law_known: bool = False
+    motion: TrueMotion, prior: FilterPrior, settings: MomentumEKFSettings, dt: float, *, law_known: bool = False
 ) -> np.ndarray:
     """Bound on theta's covariance (N, T, p, p) of each episode, kg^2 m^4.
 
     Args:
-        course: the truth.
+        motion: the truth.
         prior: sensors and prior.
         settings: the model: principal or full parameters, and the walks.
         dt: s between two instants.
@@ -44,17 +44,17 @@ def posterior_bound(
         ValueError: the law is to be known and takes a product of inertia through zero.
     """
     parameters = estimated_parameters(settings.parameters, prior)
-    theta = inertia_parameters(course.inertia, parameters)
+    theta = inertia_parameters(motion.inertia, parameters)
     growth = growth_factors(theta, law_known)
     belief = new_belief(prior, settings)
     out = np.empty((*theta.shape, theta.shape[2]))
-    series = (course.momentum, course.rate, course.wheel_speed, course.torque, theta, growth)
+    series = (motion.momentum, motion.rate, motion.wheel_speed, motion.torque, theta, growth)
     bound_many(belief, new_work(belief), _Series(*map(np.ascontiguousarray, series)), dt, out)
     return out
 
 
 class _Series(NamedTuple):
-    """Truth of N episodes at T instants: see `Course`; theta and its growth (N, T, p)."""
+    """Truth of N episodes at T instants: see `TrueMotion`; theta and its growth (N, T, p)."""
 
     momentum: np.ndarray
     rate: np.ndarray

@@ -73,7 +73,7 @@ class Observed(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """Course of one plan, by decision: row d is what decision d begins with, the last what the plan ends with.
+    """TrueMotion of one plan, by decision: row d is what decision d begins with, the last what the plan ends with.
 
     Attributes:
         beliefs: (H + 1,) belief records.

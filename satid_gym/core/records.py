@@ -22,7 +22,7 @@ Field = tuple[str, DTypeLike] | tuple[str, DTypeLike, int | tuple[int, ...]]
 
 
 class InertiaMode(IntEnum):
-    """Course of the true inertia; a table is never drawn."""
+    """Variation of the true inertia; a table is never drawn."""
 
     STATIC, STEP, DRIFT, PERIODIC, TABLE = range(5)
 

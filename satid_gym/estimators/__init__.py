@@ -1,8 +1,4 @@
-"""Estimators of inertia from gyro and wheel speeds.
-
-State layout, stated once: [M, theta, tau] in momentum coordinates, [omega, theta, Omega] in rate coordinates,
-theta = (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz), body frame, SI units.
-"""
+"""Estimators of inertia from gyro and wheel speeds."""
 
 from satid_gym.estimators import least_squares
 from satid_gym.estimators.compiled import FilterRun

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import scipy.special
 
-from satid_gym.config import check_number, check_whole
+from satid_gym.config import check_integer, check_number
 from satid_gym.core.belief.filters import FilterKind
 from satid_gym.estimators.calibration import write_calibration
 from satid_gym.estimators.compiled import CompiledEKF
@@ -69,7 +69,7 @@ class MomentumEKFSettings(EstimatorSettings):
         check_number("gate", self.gate, high=0.1)
         if self.disturbance_walk is not None:
             check_number("disturbance_walk", self.disturbance_walk)
-        check_whole("substeps", self.substeps, high=_SUBSTEPS_MAX)
+        check_integer("substeps", self.substeps, high=_SUBSTEPS_MAX)
         check_number("inertia_walk_max", self.inertia_walk_max, strict=True)
         check_number("inertia_walk_min", self.inertia_walk_min, strict=True)
         check_number("log_q_drift", self.log_q_drift)

@@ -1,4 +1,8 @@
-"""What the environment asks of an estimator, compiled or not."""
+"""Protocol of the estimators, compiled or not, as the environment asks for it.
+
+State layout, stated once: [M, theta, tau] in momentum coordinates, [omega, theta, Omega] in rate coordinates,
+theta = (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz), body frame, SI units.
+"""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agents.benchmark.ranking import inside
 from agents.benchmark.report.curves import rounded
+from agents.benchmark.summary.ranking import inside
 from baselines.studies.recording import Recording, record
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.laws import InertiaLaw
@@ -79,7 +79,7 @@ def fly_episode(
         kept = _kept(recording, ends)
         flights.append({"policy": policy.name, "kind": policy.kind, **_series(recording, kept)})
         if len(flights[-1]["error"]) > len(common["time"]):  # the longest flight has seen most of the truth
-            moments = np.diagonal(recording.course.inertia[0], axis1=1, axis2=2)
+            moments = np.diagonal(recording.motion.inertia[0], axis1=1, axis2=2)
             common = {"time": rounded(recording.dt * kept, 6), "inertia": _rows(moments[kept], 6)}
     return {
         "satellite": operated.name,
@@ -98,15 +98,15 @@ def fly_episode(
 
 def _kept(recording: Recording, termination_rate: float) -> np.ndarray:
     """Places of the instants that are kept, up to the termination."""
-    rate = recording.course.rate[0]
+    rate = recording.motion.rate[0]
     over = np.flatnonzero(np.abs(rate).max(axis=1) > termination_rate)
     end = int(over[0]) + 1 if len(over) else len(rate)
     return np.arange(0, end, max(1, round(_INTERVAL / recording.dt)))
 
 
 def _series(recording: Recording, kept: np.ndarray) -> dict[str, Any]:
-    course = recording.course
-    estimate, truth = inertia_tensors(recording.theta[0, kept]), course.inertia[0, kept]
+    motion = recording.motion
+    estimate, truth = inertia_tensors(recording.theta[0, kept]), motion.inertia[0, kept]
     moments = np.arange(3)  # the page draws these; of products of inertia only the error tells
     error = relative_error(estimate, truth)
     sigma = np.sqrt(np.diagonal(recording.covariance[0, kept, :3, :3], axis1=1, axis2=2))
@@ -114,9 +114,9 @@ def _series(recording: Recording, kept: np.ndarray) -> dict[str, Any]:
         "error": rounded(error, 4),
         "estimate": _rows(estimate[:, moments, moments], 6),
         "sigma": _rows(sigma),
-        "rate": _rows(course.rate[0, kept], 4),
-        "wheel_speed": _rows(course.wheel_speed[0, kept]),
-        "momentum": _rows(course.momentum[0, kept]),
+        "rate": _rows(motion.rate[0, kept], 4),
+        "wheel_speed": _rows(motion.wheel_speed[0, kept]),
+        "momentum": _rows(motion.momentum[0, kept]),
         "attitude": _rows(recording.attitude[0, kept], 4),
     }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.benchmark.ranking import best, keeps_envelope
+from agents.benchmark.summary.ranking import best, keeps_envelope
 
 Record = Mapping[str, Any]
 

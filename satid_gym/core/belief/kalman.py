@@ -1,4 +1,4 @@
-"""What both extended Kalman filters share: covariance propagation, update, and the start-up of theta.
+"""Kalman algebra of both extended filters: covariance propagation, update, and the start-up of theta.
 
 Both states are [v, theta, rest]: a 3-vector that moves (M or omega), the p inertia parameters, and what else
 the filter carries. Only the first three rows of the transition differ from identity, so F P F^T costs

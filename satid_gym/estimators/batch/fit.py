@@ -1,4 +1,4 @@
-"""What a batch estimator returns, or raises."""
+"""Fit of a batch estimator, and the error where there is none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often the comparison's 95 % intervals hold what they are about: `python -m tests.interval_coverage`.
+"""Coverage of the comparison's 95 % intervals: `python -m tests.qa.interval_coverage`.
 
 Many comparisons of 100 episodes each are drawn from populations whose truth is known: lognormal ones, and the final
 errors of real flights on validation seeds, drawn with replacement. The exit code is 1 where an interval
@@ -14,17 +14,17 @@ import numpy as np
 from scipy.stats import norm, skew
 from tqdm import tqdm
 
-from agents.benchmark.statistics import pair, record
+from agents.benchmark.summary.statistics import pair, record
 from baselines import make_baseline
 from baselines.command import cli
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import improvements, iqm
 from satid_gym.policies.shipped import find
 from satid_gym.satellite import SATELLITES
 
-LEAST, MOST = 0.93, 0.97
+COVERED_MIN, COVERED_MAX = 0.93, 0.97
 QUARTILE = float(norm.ppf(0.75))
 FLOWN = ("generalist", "rate_square", "chirp", "zero")
 Draw = Callable[[np.random.Generator, int], np.ndarray]
@@ -125,9 +125,9 @@ class Study:
         """
         check_names("satellite", (self.satellite,), SATELLITES)
         check_names("inertia mode", (self.inertia,), INERTIA_MODES)
-        check_whole("simulations", self.simulations)
-        check_whole("episodes", self.episodes, low=2)
-        check_whole("flights", self.flights)
+        check_integer("simulations", self.simulations)
+        check_integer("episodes", self.episodes, low=2)
+        check_integer("flights", self.flights)
 
 
 def real(study: Study) -> dict[str, Population]:
@@ -156,8 +156,8 @@ def main(study: Study) -> int:
         for statistic, (above, below) in misses(population, study.episodes, study.simulations).items():
             covered = 1.0 - (above + below) / study.simulations
             # wins are counts: near certainty no interval covers just 95 % of the time, so more than that is fine
-            most = 1.0 if statistic == "probability_of_improvement" else MOST
-            short = not LEAST <= covered <= most
+            most = 1.0 if statistic == "probability_of_improvement" else COVERED_MAX
+            short = not COVERED_MIN <= covered <= most
             held = held and not short
             shares = f"{covered:9.1%} {above / study.simulations:7.1%} {below / study.simulations:7.1%}"
             tqdm.write(f"{name:26s}{statistic:30s}{population.truth[statistic]:10.4g} {shares}{'  SHORT' * short}")

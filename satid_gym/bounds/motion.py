@@ -1,4 +1,4 @@
-"""Course of the truth, from which bounds are computed."""
+"""True motion, from which bounds are computed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Course:
+class TrueMotion:
     """True trajectories of N episodes at T instants, evenly spaced; body frame, SI units.
 
     Attributes:

@@ -1,7 +1,7 @@
 """Fly the vector environment for as many decisions as a training run takes, and longer.
 
-    python -m tests.long_haul --decisions 100000000
-    python -m tests.long_haul --decisions 100000000 --resume        go on after a stop
+    python -m tests.qa.long_haul --decisions 100000000
+    python -m tests.qa.long_haul --decisions 100000000 --resume        go on after a stop
 
 Memory must not grow, speed must not fall and nothing may be NaN. Prints figures and writes them as JSON; the state
 is kept beside it from time to time, so that a run can be stopped at any moment.
@@ -22,7 +22,7 @@ from tqdm import tqdm
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym import SatInertiaIDVectorEnv
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 from satid_gym.files import check_writable, write_json
 
 SAMPLES = 200  # of memory and speed over the run
@@ -69,7 +69,7 @@ class Haul:
     """One run, with what has been seen of it so far."""
 
     def __init__(self, settings: LongHaul) -> None:
-        check_whole("decisions", settings.decisions, low=settings.envs * SAMPLES)
+        check_integer("decisions", settings.decisions, low=settings.envs * SAMPLES)
         self.settings = settings
         self.env = SatInertiaIDVectorEnv(
             settings.envs, satellite="random", num_threads=settings.threads, autoreset_mode="NextStep", stagger=True
@@ -179,7 +179,7 @@ def main(settings: LongHaul) -> int:
     figures = haul.figures()
     for name, value in figures.items():
         print(f"{name:32s} {value}")
-    results = {**result_head("tests.long_haul"), **figures}
+    results = {**result_head("tests.qa.long_haul"), **figures}
     write_json(settings.output, {**results, "samples": haul.seen["samples"]})
     settings.state_file.unlink()
     print(f"written to {settings.output}")

@@ -13,7 +13,7 @@ from satid_gym.core.belief.kalman import _FLOOR
 from satid_gym.estimators.filterpy.model import tensor
 from satid_gym.fleet import DRAW_FAILED
 from satid_gym.gym_api import INFO_KEYS
-from tests.fuzz.configuration import Configuration, fastest_turn
+from tests.qa.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300
 _ROUNDING = 1e-9

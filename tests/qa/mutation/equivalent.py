@@ -1,24 +1,26 @@
 """Survivors that no test can kill: the mutant does what the original does, to within rounding.
 
-By module and by what `python -m tests.mutation` prints, each with its reason.
+By module and by what `python -m tests.qa.mutation` prints, each with its reason.
 """
 
 from __future__ import annotations
 
 EQUIVALENT: dict[str, dict[str, str]] = {
     "core/reward": {
-        "spread: if not product > 0.0: -> if not product >= 0.0:": "factor gives a positive product or -1, never 0",
+        "uncertainty_nats: if not product > 0.0: -> if not product >= 0.0:": (
+            "factor gives a positive product or -1, never 0"
+        ),
     },
     "core/truth/draw": {
-        "_draw_body: low = -1.0 if plant.law == PERIODIC else 0.0 -> low = -1.0 if plant.law == PERIODIC else 1.0": (
+        "_draw_body: low = -1.0 if plant.law == _PERIODIC else 0.0 -> low = -1.0 if plant.law == _PERIODIC else 1.0": (
             "the end without change is the inertia itself, which is checked once more before it is taken"
         ),
     },
     "core/truth/faults": {
         (
-            "spike_gyro: if plant.outlier_probability > 0.0 and (not dropped) and (uniform(plant.stream) < "
-            "plant.outlier_probability): -> if plant.outlier_probability > 0.0 and (not dropped) and "
-            "(uniform(plant.stream) <= plant.outlier_probability):"
+            "spike_gyro: if plant.gyro_outlier > 0.0 and (not dropped) and (uniform(plant.stream) < "
+            "plant.gyro_outlier): -> if plant.gyro_outlier > 0.0 and (not dropped) and "
+            "(uniform(plant.stream) <= plant.gyro_outlier):"
         ): "a deviate is not just the probability but once in 2^53 draws",
         (
             "spike_gyro: plant.gyro[axis] += size if which < 3.0 else -size -> "
@@ -40,9 +42,11 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "_start_momentum: moment = work.jacobian[1] -> moment = work.jacobian[0]": (
             "what was there is not needed any more"
         ),
+    },
+    "core/belief/momentum_model": {
         (
-            "_beyond: return rate if rate * rate > _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0 -> "
-            "return rate if rate * rate >= _NOTHING ** 2 * spin * (1.0 - spin / noise) else 0.0"
+            "_beyond: return rate if rate * rate > _EXCITATION_SIGMAS ** 2 * spin * (1.0 - spin / noise) else 0.0 -> "
+            "return rate if rate * rate >= _EXCITATION_SIGMAS ** 2 * spin * (1.0 - spin / noise) else 0.0"
         ): "equal where both are 0 alone, and then the rate is 0",
     },
     "metrics": {
@@ -60,26 +64,24 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "return s[0] > 0.0 and s[0] * s[1] - s[3] * s[3] >= 0.0 and (determinant(s) > 0.0)"
         ): "where the second minor is 0 the determinant is not positive",
     },
-    "core/truth/dynamics": {
-        (
-            "_hold_or_release: if _at_limit(plant, k) and (stay or side * (torque[k] - holding) >= 0.0): -> "
-            "if _at_limit(plant, k) and (stay or side * (torque[k] - holding) > 0.0):"
-        ): "a wheel in balance at its limit stays there, held or not",
+    "core/truth/integrator": {
         "_until_limit: return low if low > 0.0 else high -> return low if low >= 0.0 else high": (
             "60 trials that all end beyond the limit do not happen"
         ),
-        "_until_limit: if abs(f) <= 0.5 * _AT_LIMIT: -> if abs(f) < 0.5 * _AT_LIMIT:": "equal to the last bit alone",
+        "_until_limit: if abs(f) <= 0.5 * AT_LIMIT: -> if abs(f) < 0.5 * AT_LIMIT:": "equal to the last bit alone",
+    },
+    "core/truth/speed_limit": {
         (
-            "_hold_or_release: plant.wheel_momentum[k] = plant.wheel_inertia[k] * side * plant.wheel_speed_max[k] -> "
+            "hold_or_release: if _at_limit(plant, k) and (stay or side * (torque[k] - holding) >= 0.0): -> "
+            "if _at_limit(plant, k) and (stay or side * (torque[k] - holding) > 0.0):"
+        ): "a wheel in balance at its limit stays there, held or not",
+        (
+            "_lock: plant.wheel_momentum[k] = plant.wheel_inertia[k] * side * plant.wheel_speed_max[k] -> "
             "plant.wheel_momentum[k] = plant.wheel_inertia[k] / side * plant.wheel_speed_max[k]"
         ): "side is 1 or -1",
-        "_limit_speeds: beyond = False -> beyond = True": "the same speeds are written once more",
-        "_until_limit: f_low, f_high = (-1.0, over) -> f_low, f_high = (1.0, over)": (
-            "the first guess alone: below the limit it is replaced by what the first trial finds"
-        ),
-        "_until_limit: f_low, f_high = (-1.0, over) -> f_low, f_high = (-2.0, over)": "no wheel is slower than at rest",
+        "limit_speeds: beyond = False -> beyond = True": "the same speeds are written once more",
     },
-    "bounds": {
-        "_build_bound_many.bound_many: belief.mean[3:3 + p] = theta[i, k - 1] -> pass": "it is there already",
+    "bounds/posterior": {
+        "bound_many: belief.mean[3:3 + p] = theta[i, k - 1] -> pass": "it is there already",
     },
 }

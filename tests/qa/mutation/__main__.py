@@ -1,4 +1,4 @@
-"""Mutation testing: `python -m tests.mutation`, or `make mutation`.
+"""Mutation testing: `python -m tests.qa.mutation`, or `make mutation`.
 
 Changes one thing at a time in the physics, the filters and the reward, and counts how often the tests notice. The
 code runs as plain Python (NUMBA_DISABLE_JIT=1), so nothing is compiled anew for a mutant. A run that was stopped
@@ -28,47 +28,41 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.files import check_writable, read_json, write_json
-from tests.mutation.equivalent import EQUIVALENT
-from tests.mutation.mutants import Mutant, find_mutants
+from tests.qa.mutation.equivalent import EQUIVALENT
+from tests.qa.mutation.mutants import Mutant, find_mutants
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TESTS: dict[str, tuple[str, ...]] = {
     "core/algebra": ("algebra",),
-    "core/truth/dynamics": ("dynamics",),
-    "core/belief/momentum_filter": ("filters",),
-    "core/belief/adaptation": ("walk",),
-    "core/belief/rate_filter": ("filters",),
-    "core/belief/kalman": ("filters",),
-    "core/reward": ("reward",),
-    "core/truth/sensors": ("sensors", "fault_samples"),
+    "core/wheels": ("dynamics",),
+    "core/truth/disturbance": ("dynamics",),
     "core/truth/draw": ("generator",),
-    "core/truth/faults": ("fault_samples",),
+    "core/truth/dynamics": ("dynamics",),
+    "core/truth/faults": ("sensor_faults",),
+    "core/truth/inertia_law": ("dynamics", "table_law"),
+    "core/truth/integrator": ("dynamics",),
+    "core/truth/random_walk": ("sensors",),
+    "core/truth/sensors": ("sensors", "sensor_faults"),
+    "core/truth/speed_limit": ("dynamics",),
+    "core/belief/adaptation": ("walk",),
     "core/belief/gating": ("vetting",),
+    "core/belief/kalman": ("filters",),
+    "core/belief/momentum_filter": ("filters",),
+    "core/belief/momentum_model": ("filters",),
+    "core/belief/rate_filter": ("filters",),
     "core/observation": ("observation",),
-    "laws": ("laws", "config"),
+    "core/reward": ("reward",),
+    "bounds/envelope": ("bounds",),
+    "bounds/posterior": ("bounds",),
+    "laws": ("laws", "config", "table_law"),
     "metrics": ("evaluation",),
-    "bounds": ("bounds",),
 }
 GROUPS = {
-    "physics": (
-        "core/algebra",
-        "core/truth/dynamics",
-        "core/truth/sensors",
-        "core/truth/draw",
-        "core/truth/faults",
-        "laws",
-    ),
-    "filter": (
-        "core/belief/momentum_filter",
-        "core/belief/adaptation",
-        "core/belief/rate_filter",
-        "core/belief/kalman",
-        "core/belief/gating",
-        "bounds",
-    ),
-    "reward": ("core/reward", "core/observation", "metrics"),
+    "physics": ("core/algebra", "core/wheels", *(name for name in TESTS if name.startswith("core/truth/")), "laws"),
+    "filter": tuple(name for name in TESTS if name.startswith(("core/belief/", "bounds/"))),
+    "reward": ("core/observation", "core/reward", "metrics"),
 }
 
 
@@ -98,19 +92,19 @@ class MutationArguments:
             ValueError: a module is unknown or a number below 1.
         """
         check_names("module", self.modules, TESTS)
-        check_whole("sample", self.sample)
-        check_whole("workers", self.workers)
+        check_integer("sample", self.sample)
+        check_integer("workers", self.workers)
 
 
 class Trials:
-    """Processes of `tests.mutation.trial`, any of which takes the next request."""
+    """Processes of `tests.qa.mutation.trial`, any of which takes the next request."""
 
     def __init__(self, count: int) -> None:
         self._idle: queue.Queue[subprocess.Popen[str]] = queue.Queue()
         environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         self._all = [
             subprocess.Popen(
-                [sys.executable, "-m", "tests.mutation.trial"],
+                [sys.executable, "-m", "tests.qa.mutation.trial"],
                 cwd=ROOT,
                 env=environment,
                 stdin=subprocess.PIPE,
@@ -272,7 +266,7 @@ def main(arguments: MutationArguments) -> int:
     if arguments.output.exists() and not arguments.fresh:
         state = read_json(arguments.output, "remove it, or add --fresh", keys=["modules"])["modules"]
     check_writable(arguments.output.parent)
-    head = result_head("tests.mutation")
+    head = result_head("tests.qa.mutation")
 
     def save(**more: Any) -> None:
         write_json(arguments.output, {**head, **more, "modules": state})

@@ -1,4 +1,4 @@
-"""Tries mutants: reads requests, one line of JSON each, and answers in kind; `python -m tests.mutation` starts it.
+"""Tries mutants: reads requests, one line of JSON each, and answers in kind; `python -m tests.qa.mutation` starts it.
 
 The libraries are imported once. Every trial is a fork that imports the mutated module in the place of the file's
 and runs the tests as plain Python until the first fails. Files are never changed, so a trial can be ended at any
@@ -27,7 +27,7 @@ from typing import Any
 
 import pytest
 
-from tests.mutation.mutants import mutate
+from tests.qa.mutation.mutants import mutate
 
 _LIBRARIES = (
     "numba",

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from agents.benchmark.ranking import best
-from agents.benchmark.statistics import PAIRED_KINDS
+from agents.benchmark.summary.ranking import best
+from agents.benchmark.summary.statistics import PAIRED_KINDS
 
 Record = Mapping[str, Any]
 

@@ -1,4 +1,4 @@
-"""Kill a training again and again, and see that nothing is lost: `python -m tests.faults --kills 20`.
+"""Kill a training again and again, and see that nothing is lost: `python -m tests.qa.interruption --kills 20`.
 
 A short training of the real command runs undisturbed; the same training is then killed at random moments (SIGKILL, and
 SIGINT every other time with --signal both) and resumed until it ends. The policy's files, the learning curve and all
@@ -25,9 +25,9 @@ from typing import Any, Literal
 import numpy as np
 
 from baselines.command import cli
-from satid_gym.config import check_whole
+from satid_gym.config import check_integer
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PROMPT = 30.0  # s within which Ctrl-C has to end a run, on a machine that does a dozen other things as well
 POLICY = ("policy", "last")
 LAST = "timing.json"  # is written when all else is
@@ -40,7 +40,7 @@ SIGNALS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Faults:
+class Interruptions:
     """What to do to a training."""
 
     kills: int = 20
@@ -62,25 +62,25 @@ class Faults:
         Raises:
             ValueError: a number is out of range, or the folder holds such runs already.
         """
-        check_whole("kills", self.kills)
-        check_whole("every", self.every)
-        check_whole("steps", self.steps, low=self.every)
+        check_integer("kills", self.kills)
+        check_integer("every", self.every)
+        check_integer("steps", self.steps, low=self.every)
         for name in RUNS:
             if self.folder is not None and (self.folder / name).exists():
                 raise ValueError(f"{self.folder / name} exists already: remove it, or choose another --folder")
 
 
-def training(faults: Faults, run: Path) -> list[str]:
+def training(settings: Interruptions, run: Path) -> list[str]:
     """The training's command line, without Python."""
     size = ["--num-envs", "32", "--rollout", "50", "--batch-size", "400", "--evaluation-episodes", "2"]
-    length = ["--steps", str(faults.steps), "--evaluate-every", str(faults.every)]
+    length = ["--steps", str(settings.steps), "--evaluate-every", str(settings.every)]
     return ["-m", "agents.train", "--run", str(run), "--satellite", "microsat", *size, *length]
 
 
-def resumption(faults: Faults, run: Path) -> list[str]:
+def resumption(settings: Interruptions, run: Path) -> list[str]:
     """How the training goes on, whatever it was that stopped it."""
     started = (run / "run.json").exists()
-    return ["-m", "agents.train", "--run", str(run), "--resume"] if started else training(faults, run)
+    return ["-m", "agents.train", "--run", str(run), "--resume"] if started else training(settings, run)
 
 
 def start(arguments: list[str]) -> subprocess.Popen[str]:
@@ -162,23 +162,23 @@ def await_checkpoint(process: subprocess.Popen[str], run: Path) -> None:
         time.sleep(0.005)
 
 
-def disturb(faults: Faults, run: Path, starting: float, between: float) -> list[str]:
+def disturb(settings: Interruptions, run: Path, starting: float, between: float) -> list[str]:
     """Stop and resume a training as often as asked, then let it end; what went wrong.
 
     By turns it is stopped at any moment of its start and its first checkpoints, and soon after it has got on by one.
 
     Args:
-        faults: how often, and how.
+        settings: how often, and how.
         run: folder.
         starting: seconds before it learns.
         between: seconds between its checkpoints.
     """
-    moments = random.Random(faults.seed)
+    moments = random.Random(settings.seed)
     wrong: list[str] = []
     done = 0
-    while done < faults.kills:
-        by = SIGNALS[faults.signal][done % 2]
-        process = start(resumption(faults, run))
+    while done < settings.kills:
+        by = SIGNALS[settings.signal][done % 2]
+        process = start(resumption(settings, run))
         if by == signal.SIGINT or done % 2:  # Ctrl-C while Python itself still starts is Python's to answer
             await_checkpoint(process, run)
             wait = moments.uniform(0.0, between)
@@ -198,7 +198,7 @@ def disturb(faults: Faults, run: Path, starting: float, between: float) -> list[
         wrong += found
         done += 1
         print(f"{by.name} {done:3d} at {reached(run)} decisions", flush=True)
-    finish(resumption(faults, run))
+    finish(resumption(settings, run))
     return wrong
 
 
@@ -208,17 +208,17 @@ def reached(run: Path) -> int:
     return int(curve.read_text().splitlines()[-1].split(",")[0]) if curve.exists() else 0
 
 
-def main(faults: Faults) -> int:
+def main(settings: Interruptions) -> int:
     """Disturb, compare, and print; the exit code."""
     with tempfile.TemporaryDirectory() as temporary:
-        folder = faults.folder or Path(temporary)
-        seconds = finish(training(faults, folder / "whole"))
+        folder = settings.folder or Path(temporary)
+        seconds = finish(training(settings, folder / "whole"))
         began = time.perf_counter()
-        finish(resumption(faults, folder / "whole"))  # has nothing left to do: what starting alone takes
+        finish(resumption(settings, folder / "whole"))  # has nothing left to do: what starting alone takes
         starting = time.perf_counter() - began
         print(f"undisturbed: {seconds:.1f} s, {starting:.1f} s of them to start and end", flush=True)
-        between = (seconds - starting) * faults.every / faults.steps
-        wrong = disturb(faults, folder / "killed", starting, between)
+        between = (seconds - starting) * settings.every / settings.steps
+        wrong = disturb(settings, folder / "killed", starting, between)
         wrong += differences(folder / "whole", folder / "killed")
     for line in wrong:
         print(line)

@@ -1,7 +1,7 @@
 """Mutants: a module's source with one expression or statement changed.
 
 Operators: arithmetic swapped (+ -, * /, ** to *), comparisons negated and moved by their boundary, `and` and `or`
-swapped, a sign or a `not` dropped, whole numbers moved by one, others doubled (0 becomes 1), truth values flipped,
+swapped, a sign or a `not` dropped, integers moved by one, others doubled (0 becomes 1), truth values flipped,
 min and max, sine and cosine swapped, abs and sqrt dropped, the arguments of a cross product or a difference
 swapped, one branch of a conditional expression always taken, a call, assignment, raise, break or continue left out.
 Annotations, decorators, texts and messages are left alone.

@@ -17,8 +17,8 @@ import satid_gym
 from satid_gym import InertiaLaw, LawRanges, ReactionWheels, RewardSettings, Satellite, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.faults import Faults
-from tests.fuzz.configuration import Configuration, Settings
-from tests.fuzz.flight import Violation
+from tests.qa.fuzz.configuration import Configuration, Settings
+from tests.qa.fuzz.flight import Violation
 
 _LIBRARY = str(Path(satid_gym.__file__).parent)
 _TYPES: dict[str, Callable[[Settings], Any]] = {

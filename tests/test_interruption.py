@@ -1,4 +1,4 @@
-"""Faults: what is killed, full, locked or damaged costs time and a line of text, never a result."""
+"""Interruptions: what is killed, full, locked or damaged costs time and a line of text, never a result."""
 
 import json
 import os
@@ -15,10 +15,11 @@ from agents.docs import readme
 from agents.training import train
 from baselines.command.cli import exit_code
 from satid_gym.files import DamagedFileError, check_writable, read_json, write_bytes
-from tests.faults import (
+from tests.cases import cases
+from tests.qa.interruption import (
     PROMPT,
     ROOT,
-    Faults,
+    Interruptions,
     await_checkpoint,
     differences,
     finish,
@@ -29,7 +30,9 @@ from tests.faults import (
     training,
 )
 
-SHORT = Faults(steps=24_000, every=3_200)
+pytestmark = pytest.mark.slow  # trains in processes of its own and stops them
+
+SHORT = Interruptions(steps=24_000, every=3_200)
 
 
 @pytest.fixture
@@ -49,7 +52,7 @@ def refused(monkeypatch, capsys):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A short training that ended by itself."""
-    folder = tmp_path_factory.mktemp("faults") / "whole"
+    folder = tmp_path_factory.mktemp("interruption") / "whole"
     finish(training(SHORT, folder))
     return folder
 
@@ -112,7 +115,7 @@ def test_folders_that_cannot_be_written_are_one_line(tmp_path, folder, refused):
     assert str(run).removesuffix("/run") in refused(training(SHORT, run)[2:])
 
 
-@pytest.mark.parametrize(
+@cases(
     ("settings", "message"),
     [
         ("", "is not JSON"),
@@ -178,7 +181,7 @@ def test_an_interrupted_comparison_leaves_the_old_files(tmp_path):
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"compare.json": "old"}
 
 
-@pytest.mark.parametrize("text", ["", '{"records": [', "[]", '{"records": []}', "\x00" * 100])
+@cases("text", ["", '{"records": [', "[]", '{"records": []}', "\x00" * 100])
 def test_damaged_results_are_one_line(tmp_path, text, monkeypatch):
     (tmp_path / "compare.json").write_text(text)
     monkeypatch.setattr(readme, "RESULTS", tmp_path)

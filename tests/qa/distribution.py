@@ -1,4 +1,4 @@
-"""Build wheel and sdist, twice, and use the wheel where nothing else of the project is: `python -m tests.distribution`.
+"""Build of wheel and sdist, twice, and use of the wheel alone: `python -m tests.qa.distribution`.
 
 Writes dist/. The second build is made in another folder from the first one's sdist, and must give the same bytes. The
 wheel is then installed in a virtual environment of its own, which sees what this one has of others' packages, but not
@@ -18,7 +18,7 @@ from pathlib import Path
 
 from baselines.command import cli
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 USE = """
 import gymnasium
 env = gymnasium.make("satid_gym:SatInertiaID-v0")

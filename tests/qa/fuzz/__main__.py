@@ -1,7 +1,7 @@
 """Fly thousands of random configurations, valid and spoiled, and print what was found.
 
-    python -m tests.fuzz --configurations 10000 --seed 0
-    python -m tests.fuzz --only 1234 --seed 0        one of them again, in full
+    python -m tests.qa.fuzz --configurations 10000 --seed 0
+    python -m tests.qa.fuzz --only 1234 --seed 0        one of them again, in full
 
 Configuration i of a seed is always the same, so `--only` reproduces a failure and `--first` goes on after a stop.
 """
@@ -25,12 +25,12 @@ from tqdm import tqdm
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym import SatInertiaIDEnv
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_integer, check_names
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.files import check_writable, write_json
-from tests.fuzz.configuration import Configuration, Group, draw_configuration
-from tests.fuzz.flight import Breakdown, Undrawable, Violation, fly
-from tests.fuzz.spoil import refused, refuses_actions, spoil
+from tests.qa.fuzz.configuration import Configuration, Group, draw_configuration
+from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
+from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,16 +60,16 @@ class Fuzz:
         Raises:
             ValueError: a number is out of range.
         """
-        check_whole("configurations", self.configurations)
-        check_whole("decisions", self.decisions)
-        check_whole("first", self.first, low=0, high=self.configurations - 1)
+        check_integer("configurations", self.configurations)
+        check_integer("decisions", self.decisions)
+        check_integer("first", self.first, low=0, high=self.configurations - 1)
         if self.only is not None:
-            check_whole("only", self.only, low=0, high=self.configurations - 1)
+            check_integer("only", self.only, low=0, high=self.configurations - 1)
         if not self.wheels:
             raise ValueError("name at least one number of wheels")
         check_names("estimator", self.estimators, ESTIMATORS)
         for wheels in self.wheels:
-            check_whole("wheels", wheels, low=3)
+            check_integer("wheels", wheels, low=3)
 
     def groups(self) -> list[Group]:
         """Groups in the order flown: the fewest wheels first."""
@@ -173,14 +173,14 @@ def main(fuzz: Fuzz) -> int:
     failures = [{"group": str(group), **failure} for group, f in found.items() for failure in f.failures]
     for failure in failures:
         print(
-            f"{failure['group']}: python -m tests.fuzz --seed {fuzz.seed} --configurations {fuzz.configurations} "
+            f"{failure['group']}: python -m tests.qa.fuzz --seed {fuzz.seed} --configurations {fuzz.configurations} "
             f"--only {failure['index']}: {failure['what'][:200]}"
         )
     totals = {name: sum(getattr(f, name) for f in found.values()) for name in ("flown", "refused", "undrawable")}
     write_json(
         fuzz.output,
         {
-            **result_head("tests.fuzz"),
+            **result_head("tests.qa.fuzz"),
             **totals,
             "breakdowns": {str(group): f.breakdown for group, f in found.items()},
             "failures": failures,

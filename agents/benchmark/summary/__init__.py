@@ -1,0 +1,1 @@
+"""Summary of a comparison: statistics of its scores, rankings and tables."""

@@ -1,0 +1,1 @@
+"""Harnesses that test the tests, the packaging and long runs."""
