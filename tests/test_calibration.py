@@ -5,10 +5,11 @@ import pytest
 
 from baselines.studies.recording import record
 from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
-from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF
+from satid_gym.estimators import AdaptiveEKF, FilterpyAdaptiveEKF, FilterpyMomentumEKF, MomentumEKF
 from satid_gym.estimators.filterpy.calibration import CalibratedModel
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.evaluation import fly, seeds
+from satid_gym.laws import InertiaLaw
 from satid_gym.policies.registry import make_baseline
 from satid_gym.policy import missions
 from satid_gym.problem import problem
@@ -134,6 +135,31 @@ def test_compiled_equals_filterpy(flown, kind, parameters):
         assert compiled.nis[i] == pytest.approx(nis, rel=1e-7)
 
 
+@pytest.mark.parametrize("settings", [{"calibrate": False, "rate_coordinates": True}, {}])
+def test_adaptive_equals_filterpy(settings):
+    """With a step of the inertia, after which M is what is known, and the rate no longer."""
+    told = world(KINDS["bias"], horizon=60.0)
+    recording = record(
+        make_baseline("rate_square", "microsat"),
+        satellite="microsat",
+        inertia=InertiaLaw("step", size=0.2, time=40.0),
+        seeds=[90_002],
+        scenario=told,
+        estimator="momentum",
+    )
+    gyro, tachometer, dt = recording.gyro[0], recording.tachometer[0], recording.dt
+    prior = prior_of(SATELLITES["microsat"], told)
+    compiled = AdaptiveEKF(**settings)
+    run, plain = compiled.run(prior, gyro, tachometer, dt), FilterpyAdaptiveEKF(**settings)
+    plain.reset(prior, gyro[0], tachometer[0])
+    for i in range(1, len(gyro)):
+        plain.predict(tachometer[i], dt)
+        plain.update(gyro[i], tachometer[i])
+        std = np.sqrt(np.maximum(np.diag(plain.covariance), 1e-300))
+        assert np.all(np.abs(run.mean[i] - plain.mean) <= 1e-6 * std), i
+    assert compiled.steps == plain.steps == 1
+
+
 def test_derivatives_are_those_of_finite_differences():
     prior = prior_of(SATELLITES["microsat"], world(ALL))
     model = CalibratedModel(MomentumEKFSettings(parameters="full"), prior)
@@ -207,6 +233,30 @@ def test_the_rate_that_policies_see_is_corrected():
     plant = env.fleet.rows.plants[0]
     assert np.abs(plant["gyro"] - plant["rate"]).max() > 2e-3
     assert np.abs(seen - plant["rate"]).max() < 1e-3
+
+
+def nees(policy, estimator, **settings):
+    """Mean NEES of 30 episodes of a microsat whose inertia stays."""
+    cell = {"satellite": "microsat", "inertia": "static", "seeds": seeds("validation", 30)}
+    return (
+        fly(make_baseline(policy, "microsat"), scenario=settings, estimator=estimator, **cell).scores()["nees"].mean()
+    )
+
+
+@pytest.mark.parametrize(
+    ("policy", "settings", "most"),
+    [
+        ("sine", {"torque_noise": 0.0}, 1.5),
+        ("sine", {"torque_noise": 0.0, "gyro_noise_std": 2e-4}, 1.5),
+        ("multi_step", {"gyro_noise_std": 1e-3}, 1.5),
+        ("zero", {"gyro_noise_std": 1e-3}, 2.0),
+        ("zero", {"torque_noise": 0.0}, 5.0),
+    ],
+)
+def test_rate_coordinates_stay_consistent_with_little_excitation(policy, settings, most):
+    """Where errors of the momentum do not: there the estimates are pulled down and then believed."""
+    assert nees(policy, {"name": "adaptive", "rate_coordinates": True}, **settings) < most
+    assert nees(policy, "adaptive", **settings) > 4.0
 
 
 # what is refused

@@ -40,6 +40,8 @@ class MomentumEKFSettings(EstimatorSettings):
         substeps: midpoint steps between two readings.
         calibrate: whether it estimates, beside the inertia, the errors of gyro and wheels that the data sheet's
             tolerances allow; see `satid_gym.core.belief.calibration`. Without, it takes both as nominal.
+        rate_coordinates: whether updates are made in errors of the body rate instead of the momentum's, see
+            `satid_gym.core.belief.retraction`; where it calibrates they always are.
         gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
             of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
 
@@ -59,6 +61,7 @@ class MomentumEKFSettings(EstimatorSettings):
     disturbance_walk: float | None = None
     substeps: int = 1
     calibrate: bool = True
+    rate_coordinates: bool = False
     gate: float = 0.0
 
     def __post_init__(self) -> None:
@@ -116,8 +119,10 @@ class MomentumEKFSettings(EstimatorSettings):
         adaptation["on"] = self.adaptive
         for name in ("inertia_walk", "inertia_walk_min", "inertia_walk_max", "log_q_drift"):
             adaptation[name] = getattr(self, name)
-        if self.calibrate and any(prior.tolerances.kinds):
+        calibrates = self.calibrate and any(prior.tolerances.kinds)
+        if calibrates:
             write_calibration(row, prior, first=6 + p)
+        row["rate_coordinates"] = calibrates or self.rate_coordinates
 
 
 class MomentumEKF(CompiledEKF):

@@ -140,6 +140,7 @@ def has_stepped(belief, work, support):
 def step(belief):
     """Raise theta's covariance for a step of the inertia, and count it."""
     count_step(belief.adaptation)
+    belief.stepped = 1
     for k in range(belief.theta_scale.shape[0]):
         belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2
 

@@ -202,6 +202,7 @@ def validate(belief, work, support):
 @inline
 def _inflate(belief, work, p):
     """Add to the covariance a change of theta that came with the first rejection and has moved M since."""
+    belief.stepped = 1
     covariance, steps = belief.covariance, belief.gate.since_rejection * belief.substeps
     for k in range(p):
         variance = (STEP * belief.theta_scale[k]) ** 2

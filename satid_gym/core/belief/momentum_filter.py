@@ -25,7 +25,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
     subtract,
 )
-from satid_gym.core.belief import adaptation, calibration, gating, momentum_model
+from satid_gym.core.belief import adaptation, calibration, gating, momentum_model, retraction
 from satid_gym.core.belief.kalman import (
     estimated_inertia,
     propagate,
@@ -37,6 +37,7 @@ from satid_gym.core.jit import inline, outline
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
 _ITERATIONS = 4
+_STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia counts as learned
 
 
 @inline
@@ -61,6 +62,7 @@ def _start_momentum(belief, work, gyro):
     omega, a = calibration.corrected(belief, gyro), load(belief.wheel_input)
     inertia = estimated_inertia(belief)
     store(belief.mean, add(multiply(inertia, omega), a))
+    store(belief.reference_rate, omega)
     covariance, rows, identity = belief.covariance, work.rows, work.jacobian[0]
     store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, omega, work.regressor)
@@ -172,8 +174,6 @@ def condition(belief, work, gyro):
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
     nis = _update(belief, work, gyro)
-    if belief.calibration.states > 0:
-        store(belief.wheel_input, calibration.wheel_input(belief, belief.speed))
     if gated:
         gating.follow_unmeasured_wheels(belief, before)
     return nis
@@ -185,6 +185,10 @@ def _update(belief, work, gyro):
     support = momentum_model.support(belief)
     if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work, support):
         adaptation.step(belief)
+    if belief.stepped != 0 and _is_known_to(belief, _STEP_OVER):
+        belief.stepped = 0
+    if belief.rate_coordinates != 0 and belief.stepped == 0:
+        return _update_rate(belief, work, support)
     if not _is_coarse(belief):
         if belief.adaptation.on == 0:
             return update(belief, work, 3, support)
@@ -210,12 +214,38 @@ def _update(belief, work, gyro):
 
 
 @inline
+def _update_rate(belief, work, support):
+    """The same in errors of the rate, in which one linearisation will do.
+
+    Not after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
+    """
+    adapts = belief.adaptation.on != 0
+    if adapts and _is_coarse(belief):
+        adaptation.forget(belief.adaptation)
+        adapts = False
+    if adapts:
+        adaptation.keep(belief, work)
+    retraction.begin(belief, work)
+    nis = update(belief, work, 3, support)
+    if adapts:
+        adaptation.learn(belief, work)
+    retraction.finish(belief, work)
+    return nis
+
+
+@inline
+def _is_known_to(belief, relative):
+    """Whether each moment's standard deviation is at most so much of it."""
+    known = True
+    for k in range(3):
+        known = known and not belief.covariance[3 + k, 3 + k] > (relative * belief.mean[3 + k]) ** 2
+    return known
+
+
+@inline
 def _is_coarse(belief):
     """Whether a moment is known to no better than 5 %."""
-    coarse = False
-    for k in range(3):
-        coarse = coarse or belief.covariance[3 + k, 3 + k] > (_ITERATE_ABOVE * belief.mean[3 + k]) ** 2
-    return coarse
+    return not _is_known_to(belief, _ITERATE_ABOVE)
 
 
 @inline

@@ -16,7 +16,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
     subtract,
 )
-from satid_gym.core.belief import calibration
+from satid_gym.core.belief import calibration, retraction
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -84,7 +84,7 @@ def linearise(belief, work, gyro):
     The derivative by theta is taken at the rate that reading and prediction together make most likely,
     omega + S R^-1 (z - omega), S = J^-1 N J^-1: the tachometers' noise is in the prediction and so in the
     innovation, and would bias theta if it were in the derivative as well. A component within five of its
-    standard deviations is taken as none: noise is no excitation.
+    standard deviations is taken as none: noise is no excitation. In errors of the rate, `retraction` says where.
     """
     p = belief.prior_theta.shape[0]
     J_inv = inverse(estimated_inertia(belief))
@@ -96,11 +96,14 @@ def linearise(belief, work, gyro):
     spin = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
     noise = add_diagonal(belief.gyro_std**2, spin)
     likely = add(omega, multiply(spin, multiply(inverse(noise), residual)))
-    likely = (
-        _beyond(likely[0], spin[0], noise[0]),
-        _beyond(likely[1], spin[1], noise[1]),
-        _beyond(likely[2], spin[2], noise[2]),
-    )
+    if belief.rate_coordinates != 0:
+        likely = retraction.move_reference(belief, likely, spin)
+    else:
+        likely = (
+            _beyond(likely[0], spin[0], noise[0]),
+            _beyond(likely[1], spin[1], noise[1]),
+            _beyond(likely[2], spin[2], noise[2]),
+        )
     rows, jacobian = work.rows, work.jacobian[0]
     store_symmetric(jacobian, J_inv)
     write_times_regressor(jacobian, (-likely[0], -likely[1], -likely[2]), work.regressor)

@@ -42,6 +42,9 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0) -> np.dtype:
             ("broken", INT),  # 1 once the covariance was not positive definite
             ("coasting", INT),  # 1: the filter has accepted no gyro reading of this instant and only propagates
             ("speed", FLOAT, n),  # wheel speeds that the filter uses
+            ("rate_coordinates", INT),  # 1: updates are made in errors of the rate, see `retraction`
+            ("reference_rate", FLOAT, 3),  # of these updates
+            ("stepped", INT),  # 1: since a step of the inertia was found theta is known coarsely
             ("stuck", INT, n),  # 1: the tachometer repeats itself; 2: did so until this reading
             ("rejected", INT),  # readings rejected, repeated ones among them
             ("gate", gate_dtype(n)),

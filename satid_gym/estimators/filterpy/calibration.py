@@ -18,6 +18,7 @@ class CalibratedModel(MomentumModel):
 
     def __init__(self, settings: MomentumEKFSettings, prior: FilterPrior) -> None:
         super().__init__(settings, prior)
+        self.rate_coordinates = True
         self.n = prior.wheels.count
         self.kinds = prior.tolerances.kinds
         self.first = self.size
@@ -56,6 +57,7 @@ class CalibratedModel(MomentumModel):
         """Write M = J omega + a of one reading, with what is known of theta and the errors."""
         bias, gain, wheels = self.errors(x)
         omega = np.linalg.solve(np.eye(3) + gain, gyro - bias)
+        self.reference = omega
         inertia = tensor(self.split(x)[1])
         x[:3] = inertia @ omega + (self.spin + wheels) @ a
         by_errors = self._columns(-inertia, -inertia @ np.kron(np.eye(3), omega), np.kron(a, np.eye(3)))
@@ -74,19 +76,15 @@ class CalibratedModel(MomentumModel):
         bias, gain, _ = self.errors(x)
         return (np.eye(3) + gain) @ self.rate(x, a) + bias
 
-    def _by_rate(self, x: np.ndarray, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Jacobian (3, size) of the rate, its part by theta at omega."""
-        J_inv = np.linalg.inv(tensor(self.split(x)[1]))
-        by_errors = self._columns(np.zeros((3, 3)), np.zeros((3, 9)), -np.kron(a, J_inv))
-        return np.hstack([J_inv, -J_inv @ regressor(omega, self.p), np.zeros((3, 3)), by_errors])
-
-    def rate_jacobian(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Jacobian (3, size) of the rate."""
-        return self._by_rate(x, a, self.rate(x, a))
+    def spin_errors(self, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """C (3, size) with J d omega = C dx, at the rate omega: d(M - a) - L(omega) dtheta - sum_k Omega_k de_k."""
+        by_errors = self._columns(np.zeros((3, 3)), np.zeros((3, 9)), -np.kron(a, np.eye(3)))
+        return np.hstack([np.eye(3), -regressor(omega, self.p), np.zeros((3, 3)), by_errors])
 
     def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """Jacobian of the reading, its part by theta and G at the most likely rate."""
         likely = self.likely_rate(x, a, gyro)
         by_errors = self._columns(np.eye(3), np.kron(np.eye(3), likely), np.zeros((3, 3 * self.n)))
         direct = np.hstack([np.zeros((3, self.first)), by_errors])
-        return (np.eye(3) + self.errors(x)[1]) @ self._by_rate(x, a, likely) + direct
+        by_rate = np.linalg.solve(tensor(self.split(x)[1]), self.spin_errors(a, likely))
+        return (np.eye(3) + self.errors(x)[1]) @ by_rate + direct

@@ -43,6 +43,8 @@ class MomentumModel:
         self.parameters = estimated_parameters(settings.parameters, prior)
         self.p = PARAMETER_COUNT[self.parameters]
         self.size = self.p + 6
+        self.rate_coordinates = settings.rate_coordinates
+        self.reference = np.zeros(3)
         wheels = prior.wheels
         self.spin = wheels.axes * wheels.inertia
         self.spin_covariance = self.spin @ self.spin.T * prior.tachometer_noise_std**2
@@ -73,6 +75,7 @@ class MomentumModel:
 
     def start_momentum(self, x: np.ndarray, covariance: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> None:
         """Write M = J omega + a of one reading, with what is known of theta and nothing of M before."""
+        self.reference = gyro.copy()
         inertia, regress = tensor(self.split(x)[1]), regressor(gyro, self.p)
         x[:3] = inertia @ gyro + a
         covariance[:3, 3:] = regress @ covariance[3 : 3 + self.p, 3:]
@@ -89,12 +92,13 @@ class MomentumModel:
         """Gyro reading that is expected, (3,) rad/s: the rate."""
         return self.rate(x, a)
 
+    def spin_errors(self, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """C (3, size) with J d omega = C dx, at the rate omega: d(M - a) - L(omega) dtheta."""
+        return np.hstack([np.eye(3), -regressor(omega, self.p), np.zeros((3, 3))])
+
     def rate_jacobian(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Its Jacobian (3, size)."""
-        theta = self.split(x)[1]
-        J_inv = np.linalg.inv(tensor(theta))
-        by_theta = -J_inv @ regressor(self.rate(x, a), self.p)
-        return np.hstack([J_inv, by_theta, np.zeros((3, 3))])
+        """Jacobian (3, size) of the rate."""
+        return np.linalg.solve(tensor(self.split(x)[1]), self.spin_errors(a, self.rate(x, a)))
 
     def slope(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dx/dt (size,): M x omega + tau, and nothing else moves by itself."""
@@ -131,16 +135,22 @@ class MomentumModel:
         return noise
 
     def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
-        """Jacobian of the rate, its part by theta at the most likely rate."""
-        J_inv = np.linalg.inv(tensor(self.split(x)[1]))
-        return np.hstack([J_inv, -J_inv @ regressor(self.likely_rate(x, a, gyro), self.p), np.zeros((3, 3))])
+        """Jacobian of the reading, its part by theta at the most likely rate."""
+        return np.linalg.solve(tensor(self.split(x)[1]), self.spin_errors(a, self.likely_rate(x, a, gyro)))
 
     def likely_rate(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
-        """The rate that prediction and reading make most likely, (3,); 0 where that is within its noise."""
+        """The rate that prediction and reading make most likely, (3,); 0 where that is within its noise.
+
+        In rate coordinates, the reference, which moves there where the change is more than noise.
+        """
         J_inv = np.linalg.inv(tensor(self.split(x)[1]))
         spin = J_inv @ self.spin_covariance @ J_inv
         noise = self.measurement_noise(x)
         likely = self.rate(x, a) + spin @ np.linalg.solve(noise, gyro - self.reading(x, a))
+        if self.rate_coordinates:
+            moved = (likely - self.reference) ** 2 > 50.0 * np.diag(spin)
+            self.reference = np.where(moved, likely, self.reference)
+            return self.reference
         likely[likely**2 <= 25.0 * np.diag(spin) * (1.0 - np.diag(spin) / np.diag(noise))] = 0.0
         return likely
 

@@ -67,6 +67,7 @@ class FilterpyMomentumEKF(Reference):
         self.filter = self._new_filter()
         self.filter.x, self.filter.P = self.model.start(gyro, wheel_speed)
         self._a = self.model.input(wheel_speed)
+        self._stepped = False
         self._gate = Gate(self.model, gyro, wheel_speed) if self.momentum.gate > 0.0 else None
 
     def command(self, torque: np.ndarray) -> None:
@@ -131,6 +132,7 @@ class FilterpyMomentumEKF(Reference):
             return rejected / 3.0
         gate.confirmed = True
         if gate.stepped:
+            self._stepped = True
             self._count_step()
         before = kf.x[:3].copy()
         nis = self._condition(gyro)
@@ -144,6 +146,10 @@ class FilterpyMomentumEKF(Reference):
 
     def _condition(self, gyro: np.ndarray) -> float:
         kf, model, a = self.filter, self.model, self._a
+        if np.all(np.sqrt(np.diag(kf.P)[3:6]) <= 0.01 * kf.x[3:6]):
+            self._stepped = False
+        if model.rate_coordinates and not self._stepped:
+            return self._condition_rate(gyro)
         prior, covariance = kf.x.copy(), kf.P.copy()
         for _ in range(model.iterations(prior, covariance)):
             point = kf.x.copy()
@@ -151,6 +157,21 @@ class FilterpyMomentumEKF(Reference):
             noise = model.measurement_noise(point)
             kf.x, kf.P = prior.copy(), covariance.copy()
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
+        return float(kf.y @ kf.SI @ kf.y) / 3.0
+
+    def _condition_rate(self, gyro: np.ndarray) -> float:
+        """The same in errors of the rate; M and its covariance then follow from the rate that was found."""
+        kf, model, a = self.filter, self.model, self._a
+        x = kf.x.copy()
+        slope, value, omega = model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.rate(x, a)
+        kf.update(gyro, lambda _: slope, lambda _: value, R=model.measurement_noise(x))
+        to_rate = np.linalg.solve(tensor(model.split(x)[1]), model.spin_errors(a, model.reference))
+        correction = to_rate @ (kf.x - x)
+        model.reference = model.reference + correction
+        inertia, identity = tensor(model.split(kf.x)[1]), np.eye(model.size)
+        identity[:3] = inertia @ to_rate + identity[:3] - model.spin_errors(a, model.reference)
+        kf.P = identity @ kf.P @ identity.T
+        kf.x[:3] += inertia @ (omega + correction - model.rate(kf.x, a))
         return float(kf.y @ kf.SI @ kf.y) / 3.0
 
 

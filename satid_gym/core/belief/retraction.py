@@ -1,0 +1,101 @@
+"""Retraction: an update of the MomentumEKF whose errors are those of the body rate, not of the momentum.
+
+While the body turns evenly its momentum tells nothing of its inertia: M - a = J omega holds for any J with the right M.
+In the covariance that is a direction dM = L(omega) dtheta, which moves with the estimate of omega. Each correction of
+omega, as of a gyro's bias, then makes a reading look like information on theta that it is not. In errors of the rate,
+
+    d omega = J^-1 (dM - L(omega) dtheta - sum_k Omega_k de_k)
+
+a reading has no derivative by theta, and only a change of the rate in time, by the wheels, tells of it. So the mean is
+moved in (omega, theta, ...), M = J omega + a follows, and the covariance of M is taken to the new omega and J. The rate
+at which derivatives are taken, `reference_rate`, follows these corrections; it follows the motion where that is beyond
+the noise of the tachometers, which are no excitation.
+Source: this project's design; its model is the invariant EKF, Barrau and Bonnabel, The invariant extended Kalman filter
+as a stable observer (2017), where errors are chosen so that what cannot be observed does not depend on the estimate.
+"""
+
+from __future__ import annotations
+
+from satid_gym.core.algebra import add, inverse, load, multiply, store, subtract
+from satid_gym.core.belief import calibration
+from satid_gym.core.belief.kalman import estimated_inertia, inertia_of, propagate, write_times_regressor
+from satid_gym.core.jit import inline, outline
+
+_EXCITATION_SIGMAS = 5.0  # standard deviations of a change of rate within which it counts as noise
+
+
+@inline
+def _moved(rate, likely, spin):
+    """`likely` where it differs from `rate` by more than the noise of two readings, each of variance spin."""
+    change = likely - rate
+    return likely if change * change > _EXCITATION_SIGMAS**2 * 2.0 * spin else rate
+
+
+@inline
+def move_reference(belief, likely, spin):
+    """Rate at which derivatives are taken, moved to the most likely rate; spin: its covariance by the tachometers."""
+    rate = load(belief.reference_rate)
+    rate = _moved(rate[0], likely[0], spin[0]), _moved(rate[1], likely[1], spin[1]), _moved(rate[2], likely[2], spin[2])
+    store(belief.reference_rate, rate)
+    return rate
+
+
+@inline
+def begin(belief, work):
+    """Note the mean before an update."""
+    for i in range(belief.mean.shape[0]):
+        work.prior_mean[i] = belief.mean[i]
+
+
+@outline
+def finish(belief, work):
+    """Take mean and covariance of M after an update to the rate that it has found."""
+    p, n, w = belief.prior_theta.shape[0], belief.speed.shape[0], belief.calibration.wheels
+    mean, prior, rate = belief.mean, work.prior_mean, load(belief.reference_rate)
+    J_inv = inverse(inertia_of(prior[3 : 3 + p]))
+    inertia = estimated_inertia(belief)
+    identity, turned, regressor, transition = work.jacobian[0], work.jacobian[1], work.regressor, work.transition
+    _write_product(inertia, J_inv, turned)
+    _write_product((1.0, 1.0, 1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0), identity)
+    write_times_regressor(identity, rate, regressor)
+    change = subtract(load(mean), load(prior))
+    for k in range(p):
+        d = mean[3 + k] - prior[3 + k]
+        change = subtract(change, (d * regressor[0, k], d * regressor[1, k], d * regressor[2, k]))
+    if w > 0:
+        for k in range(n):
+            for i in range(3):
+                d = belief.speed[k] * (mean[w + 3 * k + i] - prior[w + 3 * k + i])
+                change = subtract(change, (d if i == 0 else 0.0, d if i == 1 else 0.0, d if i == 2 else 0.0))
+    correction = multiply(J_inv, change)
+    omega = add(multiply(J_inv, subtract(load(prior), load(belief.wheel_input))), correction)
+    for i in range(3):
+        for j in range(transition.shape[1]):
+            transition[i, j] = 0.0
+        for j in range(3):
+            transition[i, j] = turned[i, j]
+        for k in range(p):
+            for j in range(3):
+                transition[i, 3 + k] -= turned[i, j] * regressor[j, k]
+        if w > 0:
+            for k in range(n):
+                for j in range(3):
+                    transition[i, w + 3 * k + j] = belief.speed[k] * (identity[i, j] - turned[i, j])
+    rate = add(rate, correction)
+    write_times_regressor(identity, rate, regressor)
+    for i in range(3):
+        for k in range(p):
+            transition[i, 3 + k] += regressor[i, k]
+    propagate(belief, work, 0.0)
+    store(belief.reference_rate, rate)
+    a = calibration.wheel_input(belief, belief.speed)
+    store(belief.wheel_input, a)
+    store(mean, add(multiply(inertia, omega), a))
+
+
+@inline
+def _write_product(a, b, out):
+    """out (3, 3) = A B of symmetric matrices."""
+    rows = ((a[0], a[3], a[4]), (a[3], a[1], a[5]), (a[4], a[5], a[2]))
+    for i in range(3):
+        store(out[i], multiply(b, rows[i]))
