@@ -1,8 +1,8 @@
 """Consistency of the filter with sensors and wheels off nominal: `python -m baselines.studies.consistency`.
 
-Flies policies in worlds whose data sheet tells of an error, or where little excites the body, and prints final error and
-NEES: the mean normalised estimation error squared per degree of freedom, over episodes and time, of which a consistent
-filter has about 1. With --no-calibrate the same flights are estimated as if everything were nominal.
+Flies policies in worlds whose data sheet tells of an error, or where little excites the body, and prints final error
+and NEES: the mean normalised estimation error squared per degree of freedom, over episodes and time, of which a
+consistent filter has about 1. With --no-calibrate the same flights are estimated as if everything were nominal.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_whole
+from satid_gym.config import check_names, check_integer
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
@@ -85,7 +85,7 @@ class ConsistencyStudy:
         check_names("satellite", self.satellites, SATELLITES)
         check_names("inertia mode", self.inertias, INERTIA_MODES)
         check_names("estimator", (self.estimator,), ["adaptive", "momentum"])
-        check_whole("episodes", self.episodes)
+        check_integer("episodes", self.episodes)
         self.world("as nominal")
 
     def world(self, name: str) -> Scenario:
