@@ -9,6 +9,7 @@ from satid_gym.reward import RewardSettings
 from satid_gym.satellite import SATELLITES, ReactionWheels, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 from satid_gym.simulation import Trajectory, simulate
+from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 __version__ = "0.1.0"
@@ -26,6 +27,7 @@ __all__ = [
     "SatInertiaIDVectorEnv",
     "Satellite",
     "Scenario",
+    "Tolerances",
     "Trajectory",
     "paper_law",
     "simulate",

@@ -5,7 +5,13 @@ import pytest
 
 from baselines.studies.recording import record
 from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
-from satid_gym.estimators import AdaptiveEKF, FilterpyAdaptiveEKF, FilterpyMomentumEKF, MomentumEKF
+from satid_gym.estimators import (
+    AdaptiveEKF,
+    FilterpyAdaptiveEKF,
+    FilterpyMomentumEKF,
+    MomentumEKF,
+    MomentumSmoother,
+)
 from satid_gym.estimators.filterpy.calibration import CalibratedModel
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.evaluation import fly, seeds
@@ -259,6 +265,17 @@ def test_rate_coordinates_stay_consistent_with_little_excitation(policy, setting
     assert nees(policy, "adaptive", **settings) > 4.0
 
 
+def test_planners_take_sensors_and_wheels_as_nominal():
+    flown = fly(
+        make_baseline("mpc", "microsat"),
+        satellite="microsat",
+        inertia="static",
+        seeds=seeds("validation", 4),
+        scenario=world(ALL, horizon=60.0),
+    ).scores()
+    assert flown["final_error"].mean() < 0.005
+
+
 # what is refused
 
 
@@ -281,3 +298,10 @@ def test_satellites_with_errors_of_different_kinds_need_one_choice():
     with pytest.raises(ValueError, match=r"tolerances of the same kinds.*give scenario tolerances"):
         problem([one, "cubesat"])
     assert problem([one, "cubesat"], scenario={"tolerances": {"gyro_bias": 1e-4}})
+
+
+def test_the_smoother_refuses_what_it_does_not_smooth(flown):
+    gyro, tachometer, dt = flown
+    prior = prior_of(SATELLITES["microsat"], world(ALL))
+    with pytest.raises(ValueError, match=r"smooths no errors of sensors and wheels: .*calibrate=False"):
+        MomentumSmoother(parameters="full").run(prior, gyro, tachometer, dt)

@@ -14,6 +14,7 @@ import docstring_parser
 import numpy as np
 
 from agents.docs import faults_table
+from agents.docs.consistency_table import consistency_table
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
 from agents.docs.results_tables import (
@@ -37,6 +38,7 @@ from satid_gym.laws import PAPER_LAWS, LawRanges
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.tolerances import Tolerances
 
 SOURCE = "agents.docs.tables"
 
@@ -158,6 +160,13 @@ def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
     return lambda: write(read_json(RESULTS / "compare.json", REMEDY, keys=keys))
 
 
+def consistency() -> str:
+    """Consistency of the filter, from the committed study."""
+    keys = ("cells", "settings", "revision")
+    remedy = "run python -m baselines.studies.consistency --output docs/results/consistency.json"
+    return consistency_table(read_json(RESULTS / "consistency.json", remedy, keys=keys))
+
+
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws, "faults": faults},
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
@@ -173,6 +182,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "limits.md": {"shares": compared(share_table)},
     "faults.md": {"study": faults_table.short_table},
+    "calibration.md": {"tolerances": lambda: settings(Tolerances), "consistency": consistency},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from satid_gym.config import check_names, check_integer
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES

@@ -32,6 +32,8 @@ def posterior_bound(
 ) -> np.ndarray:
     """Bound on theta's covariance (N, T, p, p) of each episode, kg^2 m^4.
 
+    Sensors and wheels are taken as nominal: where they are not, no filter reaches it.
+
     Args:
         motion: the truth.
         prior: sensors and prior.
@@ -46,7 +48,7 @@ def posterior_bound(
     parameters = estimated_parameters(settings.parameters, prior)
     theta = inertia_parameters(motion.inertia, parameters)
     growth = growth_factors(theta, law_known)
-    belief = new_belief(prior, settings)
+    belief = new_belief(prior, settings.replace(calibrate=False, rate_coordinates=False))
     out = np.empty((*theta.shape, theta.shape[2]))
     series = (motion.momentum, motion.rate, motion.wheel_speed, motion.torque, theta, growth)
     bound_many(belief, new_work(belief), _Series(*map(np.ascontiguousarray, series)), dt, out)

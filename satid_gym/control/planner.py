@@ -57,7 +57,11 @@ class Planner:
         step = scenario.decision_period / steps
         theta = layout["inertia"].stop - layout["inertia"].start
         self._parameters: Parameters = "principal" if theta == 3 else "full"
-        settings = MomentumEKFSettings(parameters=self._parameters, inertia_walk=planning_walk(mission.estimator, walk))
+        settings = MomentumEKFSettings(
+            parameters=self._parameters,
+            inertia_walk=planning_walk(mission.estimator, walk),
+            calibrate=False,  # a plan takes sensors and wheels as nominal
+        )
         averaged = np.sqrt(scenario.sample_period / step)  # noise of a step's mean over a reading's
         prior = mission.prior.replace(
             gyro_noise_std=mission.prior.gyro_noise_std * averaged,

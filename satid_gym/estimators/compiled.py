@@ -25,6 +25,8 @@ class FilterRun:
         nis: (N,) normalised innovation squared per degree of freedom; 0 at the first reading.
         parameters: p, how many of the state are inertia parameters.
         constrained_updates: updates shortened because the inertia would not have stayed positive definite.
+        scale_variance: variance of a common factor on the inertia that no excitation finds; the state's covariance is
+            without it, the inertia's with it.
     """
 
     mean: np.ndarray
@@ -32,6 +34,7 @@ class FilterRun:
     nis: np.ndarray
     parameters: int
     constrained_updates: int
+    scale_variance: float = 0.0
 
     @property
     def inertia(self) -> np.ndarray:
@@ -42,7 +45,8 @@ class FilterRun:
     def inertia_covariance(self) -> np.ndarray:
         """(N, p, p)."""
         block = slice(3, 3 + self.parameters)
-        return self.covariance[:, block, block]
+        common = self.scale_variance * self.inertia[:, :, None] * self.inertia[:, None, :]
+        return self.covariance[:, block, block] + common
 
 
 class CompiledEKF:
@@ -152,7 +156,12 @@ class CompiledEKF:
         kernels.run_filter(self.records, self.work, gyro, wheel_speed, dt, mean, covariance, nis)
         p = len(self.record["prior_theta"])
         return FilterRun(
-            mean=mean, covariance=covariance, nis=nis, parameters=p, constrained_updates=self.constrained_updates
+            mean=mean,
+            covariance=covariance,
+            nis=nis,
+            parameters=p,
+            constrained_updates=self.constrained_updates,
+            scale_variance=float(self.record["scale_variance"]),
         )
 
     def _prepare(self, prior: FilterPrior) -> None:

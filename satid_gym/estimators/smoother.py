@@ -46,8 +46,13 @@ class MomentumSmoother:
             Smoothed mean and covariance; `nis` and `constrained_updates` are the filter's.
 
         Raises:
-            ValueError: a shape or a value is wrong.
+            ValueError: a shape or a value is wrong, or the prior has tolerances, whose errors it does not smooth.
         """
+        if self.settings.calibrate and any(prior.tolerances.kinds):
+            raise ValueError(
+                "MomentumSmoother smooths no errors of sensors and wheels: give a prior without tolerances, or use "
+                "calibrate=False, which takes sensors and wheels as nominal"
+            )
         forward = MomentumEKF(**self.settings.to_dict()).run(prior, gyro, wheel_speed, dt)
         return self.correct(forward, prior, wheel_speed, dt)
 

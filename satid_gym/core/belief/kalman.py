@@ -43,6 +43,15 @@ def theta_covariance(belief, i, j):
 
 
 @inline
+def is_known_to(belief, relative):
+    """Whether each moment's standard deviation is at most so much of it."""
+    known = True
+    for k in range(3):
+        known = known and not belief.covariance[3 + k, 3 + k] > (relative * belief.mean[3 + k]) ** 2
+    return known
+
+
+@inline
 def factor_theta(belief, work):
     """LDL^T of theta's covariance to work.block, and its determinant; see `algebra.factor`."""
     p = belief.prior_theta.shape[0]

@@ -28,6 +28,7 @@ from satid_gym.core.algebra import (
 from satid_gym.core.belief import adaptation, calibration, gating, momentum_model, retraction
 from satid_gym.core.belief.kalman import (
     estimated_inertia,
+    is_known_to,
     propagate,
     start_theta,
     update,
@@ -185,7 +186,7 @@ def _update(belief, work, gyro):
     support = momentum_model.support(belief)
     if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work, support):
         adaptation.step(belief)
-    if belief.stepped != 0 and _is_known_to(belief, _STEP_OVER):
+    if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
     if belief.rate_coordinates != 0 and belief.stepped == 0:
         return _update_rate(belief, work, support)
@@ -234,18 +235,9 @@ def _update_rate(belief, work, support):
 
 
 @inline
-def _is_known_to(belief, relative):
-    """Whether each moment's standard deviation is at most so much of it."""
-    known = True
-    for k in range(3):
-        known = known and not belief.covariance[3 + k, 3 + k] > (relative * belief.mean[3 + k]) ** 2
-    return known
-
-
-@inline
 def _is_coarse(belief):
     """Whether a moment is known to no better than 5 %."""
-    return not _is_known_to(belief, _ITERATE_ABOVE)
+    return not is_known_to(belief, _ITERATE_ABOVE)
 
 
 @inline
