@@ -16,6 +16,10 @@ _GROUPS = {  # policies by how much they excite the body
 Cell = Mapping[str, Any]
 
 
+def _shown(nees: float) -> str:
+    return f"{nees:.2f}" if nees < 100.0 else f"{nees:.0e}".replace("e+0", "e")
+
+
 def consistency_table(results: Mapping[str, Any]) -> str:
     """Final error of the first group and NEES of each, over satellites and inertia modes, world by world."""
     cells: Sequence[Cell] = results["cells"]
@@ -29,7 +33,7 @@ def consistency_table(results: Mapping[str, Any]) -> str:
             [
                 world,
                 f"{min(errors):.2g} to {max(errors):.2g}",
-                *(f"{min(values):.2f} to {max(values):.2f}" for values in nees),
+                *(f"{_shown(min(values))} to {_shown(max(values))}" for values in nees),
             ]
         )
     head = ["world", "rate_square: error, %", *(f"{name}: NEES" for name in _GROUPS)]
