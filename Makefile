@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare compare-all test test-slow coverage mutation lint format train benchmark docs dist clean
+.PHONY: setup compare compare-all test test-slow test-basilisk coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
 
@@ -23,10 +23,15 @@ compare-all: setup  ## the same with the planners, which take four fifths of the
 	$(RUN) -m agents.compare --all
 
 test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
-	$(RUN) -m pytest --numprocesses auto -m "not slow"
+	$(RUN) -m pytest --numprocesses auto -m "not slow and not basilisk"
 
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
 	$(RUN) -m pytest --numprocesses auto -m slow
+
+test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (its matplotlib is older)
+	test -x .venv-basilisk/bin/python || $(PYTHON) -m venv .venv-basilisk
+	.venv-basilisk/bin/python -m pip install --quiet --editable ".[basilisk]"
+	.venv-basilisk/bin/python -m pytest --numprocesses auto tests/test_basilisk.py
 
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
 	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov
@@ -59,4 +64,4 @@ dist: setup  ## wheel and sdist in dist/, built twice with the same bytes, the w
 	$(RUN) -m tests.qa.distribution
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-basilisk build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -30,6 +30,7 @@ ALL = {
     "wheel_inertia": 2e-3,
     "wheel_alignment": 1e-3,
 }
+SLOW = pytest.mark.slow  # each state size compiles the kernels again
 KINDS = {
     "bias": {"gyro_bias": 1e-4},
     "gain": {"gyro_scale": 1e-3, "gyro_alignment": 3e-3},
@@ -120,8 +121,8 @@ def flown():
     return recording.gyro[0], recording.tachometer[0], recording.dt
 
 
-@pytest.mark.parametrize("parameters", ["principal", "full"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("parameters", [pytest.param("principal", marks=SLOW), "full"])
+@pytest.mark.parametrize("kind", [*(pytest.param(kind, marks=SLOW) for kind in KINDS if kind != "all"), "all"])
 def test_compiled_equals_filterpy(flown, kind, parameters):
     gyro, tachometer, dt = flown
     prior = prior_of(SATELLITES["microsat"], world(KINDS[kind]))
@@ -185,8 +186,8 @@ def test_derivatives_are_those_of_finite_differences():
             np.testing.assert_allclose(jacobian[:, j] * scale[j], slope * scale[j], rtol=1e-6, atol=1e-10)
 
 
-@pytest.mark.parametrize("estimator", ["momentum", "adaptive"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("estimator", [pytest.param("momentum", marks=SLOW), "adaptive"])
+@pytest.mark.parametrize("kind", [*(pytest.param(kind, marks=SLOW) for kind in KINDS if kind != "all"), "all"])
 def test_it_is_consistent_where_the_data_sheet_tells_of_the_error(kind, estimator):
     """Mean NEES of 40 episodes; without calibration the same flights are far outside of it."""
     scores = fly(
