@@ -1,8 +1,12 @@
 """Errors of gyro and wheels: how truth draws them, and how the filter estimates them beside the inertia."""
 
+import json
+
 import numpy as np
 import pytest
 
+from baselines.studies.consistency import ConsistencyStudy
+from baselines.studies.consistency import main as consistency_main
 from baselines.studies.recording import record
 from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import (
@@ -46,6 +50,7 @@ def world(tolerances, **settings):
 # truth
 
 
+@pytest.mark.compiled
 def test_what_is_drawn_has_the_tolerances():
     env = SatInertiaIDVectorEnv(4000, "microsat", "static", world(ALL))
     env.reset(seed=0)
@@ -186,6 +191,7 @@ def test_derivatives_are_those_of_finite_differences():
             np.testing.assert_allclose(jacobian[:, j] * scale[j], slope * scale[j], rtol=1e-6, atol=1e-10)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("estimator", [pytest.param("momentum", marks=SLOW), "adaptive"])
 @pytest.mark.parametrize("kind", [*(pytest.param(kind, marks=SLOW) for kind in KINDS if kind != "all"), "all"])
 def test_it_is_consistent_where_the_data_sheet_tells_of_the_error(kind, estimator):
@@ -201,6 +207,7 @@ def test_it_is_consistent_where_the_data_sheet_tells_of_the_error(kind, estimato
     assert 0.3 < scores["nees"].mean() < 1.6
 
 
+@pytest.mark.compiled
 def test_without_calibration_it_is_far_off():
     scores = fly(
         make_baseline("rate_square", "microsat"),
@@ -250,6 +257,7 @@ def nees(policy, estimator, **settings):
     )
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("policy", "settings", "most"),
     [
@@ -266,6 +274,7 @@ def test_rate_coordinates_stay_consistent_with_little_excitation(policy, setting
     assert nees(policy, "adaptive", **settings) > 4.0
 
 
+@pytest.mark.compiled
 def test_planners_take_sensors_and_wheels_as_nominal():
     flown = fly(
         make_baseline("mpc", "microsat"),
@@ -306,3 +315,34 @@ def test_the_smoother_refuses_what_it_does_not_smooth(flown):
     prior = prior_of(SATELLITES["microsat"], world(ALL))
     with pytest.raises(ValueError, match=r"smooths no errors of sensors and wheels: .*calibrate=False"):
         MomentumSmoother(parameters="full").run(prior, gyro, tachometer, dt)
+
+
+# the study
+
+
+def test_the_study_of_consistency_writes_what_it_flew(tmp_path, capsys):
+    study = ConsistencyStudy(
+        worlds=("gyro bias 1e-4 rad/s",),
+        policies=("zero",),
+        satellites=("cubesat",),
+        inertias=("static",),
+        episodes=3,
+        output=tmp_path / "consistency.json",
+    )
+    assert consistency_main(study) == 0
+    (cell,) = json.loads((tmp_path / "consistency.json").read_text())["cells"]
+    scores = fly(
+        make_baseline("zero", "cubesat"),
+        satellite="cubesat",
+        inertia="static",
+        seeds=seeds("validation", 3),
+        scenario=world({"gyro_bias": 1e-4}),
+    ).scores()
+    assert cell["nees"] == pytest.approx(scores["nees"].mean(), rel=1e-12)
+    assert cell["final_error"] == pytest.approx(scores["final_error"].mean(), rel=1e-12)
+    assert f"{cell['nees']:.2f}" in capsys.readouterr().out
+
+
+def test_the_study_refuses_a_world_that_it_does_not_know():
+    with pytest.raises(ValueError, match="unknown world 'gyro'"):
+        ConsistencyStudy(worlds=("gyro",)).check()
