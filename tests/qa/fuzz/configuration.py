@@ -179,8 +179,16 @@ def _scenario(chance: Random, satellite: Settings) -> Settings:
         "termination_factor": _log(chance, 1.0, 10.0),
         "estimator": chance.choice(("momentum", "rate")),
         "faults": _or(chance, {"time": [0.2, 0.6]}, _faults(chance, satellite, samples)),
+        "tolerances": _or(chance, {"gyro_bias": 0.0}, _tolerances(chance, satellite), 0.8),
     }
     return scenario
+
+
+def _tolerances(chance: Random, satellite: Settings) -> Settings:
+    """All kinds of errors at once: each set of kinds has a filter of its own to compile."""
+    names = ("gyro_scale", "gyro_alignment", "wheel_inertia", "wheel_alignment")
+    tolerances = {name: _log(chance, 1e-5, 0.1) for name in names}
+    return {"gyro_bias": satellite["rate_limit"] * _log(chance, 1e-4, 1.0), **tolerances}
 
 
 def _faults(chance: Random, satellite: Settings, samples: int) -> Settings:

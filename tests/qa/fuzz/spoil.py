@@ -17,6 +17,7 @@ import satid_gym
 from satid_gym import InertiaLaw, LawRanges, ReactionWheels, RewardSettings, Satellite, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.faults import Faults
+from satid_gym.tolerances import Tolerances
 from tests.qa.fuzz.configuration import Configuration, Settings
 from tests.qa.fuzz.flight import Violation
 
@@ -27,6 +28,7 @@ _TYPES: dict[str, Callable[[Settings], Any]] = {
     "scenario": lambda s: Scenario,
     "scenario.laws": lambda s: LawRanges,
     "scenario.faults": lambda s: Faults,
+    "scenario.tolerances": lambda s: Tolerances,
     "reward": lambda s: RewardSettings,
     "estimator": lambda s: ESTIMATORS[s["estimator"]["name"]][0],
     "inertia": lambda s: InertiaLaw,
