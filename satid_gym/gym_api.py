@@ -82,7 +82,7 @@ def real_action(name: str, value: object) -> np.ndarray:
     if array.dtype.kind not in "iufb":
         raise ValueError(f"{name} must be numbers, got {value!r}")
     with np.errstate(over="ignore"):
-        return array.astype(np.float32, order="C")  # always a copy: numba compiles anew for read-only or strided ones
+        return array.astype(np.float32, order="C")  # always a copy: numba compiles again for read-only or strided ones
 
 
 def info_of(reports: np.ndarray) -> dict[str, Any]:

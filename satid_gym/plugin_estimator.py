@@ -153,7 +153,7 @@ class PluginFilter:
             belief["wheel_input"][:3] = belief["axes"] @ (belief["wheel_inertia"] * speed)
 
     def _accepted(self, tachometer: np.ndarray) -> tuple[bool, np.ndarray]:
-        """Whether the gyro's reading was accepted, and the wheel speeds (n,) to go by."""
+        """Whether the gyro's reading was accepted, and the wheel speeds (n,) that it uses."""
         accepted = getattr(self.estimator, "accepted", None)
         if accepted is None:
             return True, tachometer

@@ -42,7 +42,7 @@ class Scenario(Config):
         wheel_speed_range: first wheel speeds are uniform within this fraction of the limit.
         wheel_speed_scale: factor on the wheels' speed limit (a tenth of it: a tenth of the momentum).
         initial_rate_std: std of the first body rates over the rate limit.
-        torque_noise: std of the motor torque noise over the torque limit, drawn anew each sample.
+        torque_noise: std of the motor torque noise over the torque limit, drawn again each sample.
         torque_lag: time constant of the motors, s.
         gyro_noise_std: rad/s per sample.
         gyro_bias_walk: rad/s per sqrt(s).

@@ -83,7 +83,7 @@ ARGUMENTS = (
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """A headless Chromium; where there is none a user's tests skip, and those of CI fail."""
+    """A headless Chromium; if it is missing, a user's tests skip, and those of CI fail."""
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
         reason = f"none of {', '.join(BROWSERS)} is installed; for these tests: apt-get install chromium"

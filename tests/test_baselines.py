@@ -52,7 +52,7 @@ def test_scripted_plays_its_signal_whatever_it_observes():
     time = np.arange(300.0)
     expected = -0.25 * np.sin(2 * np.pi * 0.01 * time)  # the body feels the opposite of the motors' torque
     np.testing.assert_allclose(played, np.tile(expected[:, None, None], (1, 2, 3)), atol=1e-12)
-    np.testing.assert_array_equal(actions(policy, mission()), played[:, :1])  # reset starts it anew
+    np.testing.assert_array_equal(actions(policy, mission()), played[:, :1])  # reset starts it again
 
 
 def test_scripted_scales_to_the_weakest_wheel_and_cuts_to_the_limit(pyramid):

@@ -106,7 +106,7 @@ def test_a_damaged_round_is_refused_and_without_it_the_run_goes_on(finished, tmp
     damaged.write_bytes(content)
     assert command(monkeypatch, "--run", str(folder), "--resume") == 2
     assert "round-01.npz is damaged" in capsys.readouterr().err
-    damaged.unlink()  # the round after it is flown anew as well
+    damaged.unlink()  # the round after it is flown again as well
     assert command(monkeypatch, "--run", str(folder), "--resume") == 0
     for name in ("policy.safetensors", "round-01.npz", "round-02.npz"):
         assert (folder / name).read_bytes() == (finished / name).read_bytes()

@@ -1,6 +1,6 @@
 """The AdaptiveEKF: what walk it finds, what that is worth, and that it is one filter in every shell.
 
-Its algebra is held against filterpy's in test_filters and test_env.
+Its algebra is compared with filterpy's in test_filters and test_env.
 """
 
 from __future__ import annotations

@@ -215,7 +215,7 @@ def learned(text: str) -> LearnedPolicy:
     """A learned policy by name, path or NAME=PATH.
 
     Raises:
-        ValueError: there is none, or it has the name of a baseline or, given by its path, of a shipped one.
+        ValueError: there is no such policy, or it has the name of a baseline or, given by its path, of a shipped one.
     """
     try:
         policy = find(text)

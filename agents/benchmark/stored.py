@@ -87,7 +87,7 @@ def keep_planners(folder: Path, results: Values) -> Path | None:
     try:
         records = read_results(old, "", keys=["records"])["records"]
     except DamagedFileError:
-        return None  # there is none, or none that could be read again
+        return None  # nothing is stored, or nothing that could be read again
     lost = {r["policy"] for r in records if r["policy"] in PLANNERS} - {r["policy"] for r in results["records"]}
     if not lost:
         return None

@@ -154,7 +154,7 @@ class Run:
             DamagedFileError: the checkpoint and the one before it are damaged, or of other settings.
         """
         path = self.folder / "checkpoint.npz"
-        if not checkpoint.exists(path):  # a run that was stopped before its first one starts anew
+        if not checkpoint.exists(path):  # a run that was stopped before its first one starts again
             return {}
         notes = checkpoint.load(path, model, env)
         self.curve, self.best = notes["curve"], notes["best"]

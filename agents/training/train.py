@@ -1,6 +1,6 @@
 """Training of an excitation policy: `python -m agents.train`.
 
-    python -m agents.train --settings ppo                   the shipped PPO policy, anew
+    python -m agents.train --settings ppo                   the shipped PPO policy again
     python -m agents.train --settings sac                   Soft Actor-Critic
     python -m agents.train --satellite microsat --steps 200000
     python -m agents.train --run runs/ppo-0 --resume        go on after a stop

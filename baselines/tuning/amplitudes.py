@@ -2,7 +2,7 @@
 
 A setting is judged on the tuning seeds, which neither training nor the benchmark uses, over the four inertia
 modes with the paper's laws. Rule: of the settings that spend at most 1 % of the time beyond the envelope, with a
-body rate outside its limit or a wheel at its, the one with the lowest mean final error. Where there is none,
+body rate outside its limit or a wheel at its, the one with the lowest mean final error. If no setting does,
 because the motors' noise alone drives an open loop out, the same among those that are beyond it at most 1 % of
 the time more than no torque at all is, and failing that the one that is beyond it least; both are marked
 "inside": false. In scenario "paper" the eight profiles keep the paper's amplitudes.

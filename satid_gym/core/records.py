@@ -148,7 +148,7 @@ def report_dtype(n: int) -> np.dtype:
             ("rejected", INT),
             ("faults", np.int8, len(Fault)),  # 1: acted in the decision
             # tallies of the decision under way
-            ("peak_rate", FLOAT, 3),  # largest |rate| that the filter goes by
+            ("peak_rate", FLOAT, 3),  # largest |rate| that the filter uses
             ("spin_start", FLOAT, n),
         ],
         align=True,

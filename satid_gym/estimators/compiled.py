@@ -127,7 +127,7 @@ class CompiledEKF:
 
     @property
     def accepted(self) -> tuple[bool, np.ndarray] | None:
-        """Whether the gyro's last reading was accepted, and the wheel speeds (n,) to go by; None without a gate."""
+        """Whether the gyro's last reading was accepted, and the wheel speeds (n,) that it uses; None without a gate."""
         row = self.record
         return (not row["coasting"], row["speed"].copy()) if row["gate"]["threshold"] > 0.0 else None
 

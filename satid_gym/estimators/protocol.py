@@ -25,8 +25,8 @@ class Estimator(Protocol):
     does.
 
     The observation shows the readings as they are unless the estimator has a property `accepted`, and that is not None:
-    (whether the gyro's last reading was accepted, wheel speeds (n,) to go by). Without an accepted reading of the gyro
-    it shows the estimator's own rate. Info's `constrained_updates` and `rejected` stay 0.
+    (whether the gyro's last reading was accepted, wheel speeds (n,) that it uses). Without an accepted reading of the
+    gyro it shows the estimator's own rate. Info's `constrained_updates` and `rejected` stay 0.
 
     An attribute `settings` with settings of the library is what a policy's mission says of it; without it, the defaults
     of its coordinates.
@@ -61,7 +61,7 @@ class Estimator(Protocol):
 
 
 def is_estimator(value: object) -> TypeGuard[Estimator]:
-    """Whether `value` is an object with the protocol's methods; a class is none.
+    """Whether `value` is an object with the protocol's methods; a class does not count.
 
     `isinstance` would read the properties as well, up to Python 3.11, and those have no value before `reset`.
     """

@@ -47,7 +47,8 @@ class History:
             self._series[name][i] = plant[name]
         self._series["truth"][i] = np.diag(report["inertia_true"])
         self._series["estimate"][i] = belief["mean"][3:6]
-        self._series["std"][i] = np.sqrt(np.diag(belief["covariance"])[3:6])
+        common = belief["scale_variance"] * np.square(belief["mean"][3:6])  # of a factor that no excitation finds
+        self._series["std"][i] = np.sqrt(np.diag(belief["covariance"])[3:6] + common)
         self._series["relative_error"][i] = report["relative_error"]
         self._series["outside"][i] = report["outside"]
         self.count += 1

@@ -1,4 +1,4 @@
-"""Write the golden flights anew: `python -m tests.golden`.
+"""Write the golden flights again: `python -m tests.golden`.
 
 Only for a change of behaviour that is meant, and then with a new version of the environment's id.
 """

@@ -41,10 +41,10 @@ class Standing:
         inside: whether the policy keeps to the envelope there.
         rank: its place by error among all that keep to the envelope, from 1; None where it does not.
         profile: the best of the paper's eight profiles inside the envelope; None where none is.
-        over_profile: the policy's error over that profile's; None where there is none.
+        over_profile: the policy's error over that profile's; None if it is missing.
         over_any_profile: the policy's error over the lowest of the eight, inside or not.
         loop: the best closed loop inside the envelope; None where none is.
-        over_loop: the policy's error over that loop's; None where there is none.
+        over_loop: the policy's error over that loop's; None if it is missing.
         difference: mean (error less that loop's, on the same seeds) and both ends of its 95 % interval; None likewise.
     """
 

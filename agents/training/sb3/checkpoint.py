@@ -1,4 +1,4 @@
-"""Checkpoints: one file of plain arrays and their checksum, written whole or not at all, read without unpickling.
+"""Checkpoints: one file of plain arrays and their checksum, written atomically, read without unpickling.
 
 The one before is kept beside it, for the day the newest turns out to be damaged.
 """
@@ -71,7 +71,7 @@ def exists(path: Path) -> bool:
 def load(path: Path, model: BaseAlgorithm, env: RateCommandVecEnv) -> dict[str, Any]:
     """Put a model and its environment where `save` found them; returns the notes.
 
-    A damaged checkpoint is put aside with a line on standard error, and the one before it is used: training is
+    A damaged checkpoint is renamed, with a line on standard error, and the one before it is used: training is
     repeatable, so nothing but time is lost.
 
     Raises:

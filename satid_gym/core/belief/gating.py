@@ -43,7 +43,7 @@ def gate_dtype(n: int) -> np.dtype:
             ("gyro_noisy", INT),  # 0: the gyro is said to have no noise
             ("torque_max", FLOAT, n),
             ("rejections", INT),  # in a row
-            ("since_rejection", INT),  # samples since the first of them; void where there is none
+            ("since_rejection", INT),  # samples since the first of them; void without one
             ("confirmed", INT),  # 1: a reading has agreed with the one that M was started with
             ("last_gyro", FLOAT, 3),
             ("last_speed", FLOAT, n),  # of the tachometers

@@ -20,8 +20,6 @@ from satid_gym.core.belief import calibration, retraction
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
-_EXCITATION_SIGMAS = 5.0  # standard deviations of a rate within which it counts as noise, not as excitation
-
 
 @inline
 def write_slope_jacobian(momentum, omega, J_inv, work, slot):
@@ -74,7 +72,7 @@ def add_tachometer_noise(belief, work, momentum, noise, h2):
 @inline
 def _beyond(rate, spin, noise):
     """The rate where it stands out of its noise, of variance spin (1 - spin / noise); else 0."""
-    return rate if rate * rate > _EXCITATION_SIGMAS**2 * spin * (1.0 - spin / noise) else 0.0
+    return rate if rate * rate > retraction.EXCITATION_SIGMAS**2 * spin * (1.0 - spin / noise) else 0.0
 
 
 @outline

@@ -16,19 +16,19 @@ as a stable observer (2017), where errors are chosen so that what cannot be obse
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import add, inverse, load, multiply, store, subtract
+from satid_gym.core.algebra import add, inverse, load, multiply, store, store_symmetric, subtract
 from satid_gym.core.belief import calibration
 from satid_gym.core.belief.kalman import estimated_inertia, inertia_of, propagate, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
-_EXCITATION_SIGMAS = 5.0  # standard deviations of a change of rate within which it counts as noise
+EXCITATION_SIGMAS = 5.0  # standard deviations within which a rate, or its change, counts as noise, not excitation
 
 
 @inline
 def _moved(rate, likely, spin):
     """`likely` where it differs from `rate` by more than the noise of two readings, each of variance spin."""
     change = likely - rate
-    return likely if change * change > _EXCITATION_SIGMAS**2 * 2.0 * spin else rate
+    return likely if change * change > EXCITATION_SIGMAS**2 * 2.0 * spin else rate
 
 
 @inline
@@ -56,7 +56,7 @@ def finish(belief, work):
     inertia = estimated_inertia(belief)
     identity, turned, regressor, transition = work.jacobian[0], work.jacobian[1], work.regressor, work.transition
     _write_product(inertia, J_inv, turned)
-    _write_product((1.0, 1.0, 1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0), identity)
+    store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, rate, regressor)
     change = subtract(load(mean), load(prior))
     for k in range(p):

@@ -22,7 +22,7 @@ def _wheels(n: int) -> list[Field]:
 def plant_dtype(n: int, knots: int = 1) -> np.dtype:
     """Truth: wheels, body, environment, sensors, and the random stream that moves them.
 
-    `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 where there is none.
+    `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 for other laws.
     """
     return np.dtype(
         [

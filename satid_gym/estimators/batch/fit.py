@@ -1,4 +1,4 @@
-"""Fit of a batch estimator, and the error where there is none."""
+"""Fit of a batch estimator, and the error if there is no fit."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The MomentumEKF's model in plain numpy: mean, Jacobians and noise, transcribed from the equations.
 
-Apart from the core on purpose: the compiled filter is held against filterpy's algebra around this.
+Apart from the core on purpose: the compiled filter is compared with filterpy's algebra around this.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Fuzzing: random environments, valid and spoiled, flown and held against what must be true of all of them."""
+"""Fuzzing: random environments, valid and spoiled, flown and compared with what must be true of all of them."""

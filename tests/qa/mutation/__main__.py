@@ -1,7 +1,7 @@
 """Mutation testing: `python -m tests.qa.mutation`, or `make mutation`.
 
 Changes one thing at a time in the physics, the filters and the reward, and counts how often the tests notice. The
-code runs as plain Python (NUMBA_DISABLE_JIT=1), so nothing is compiled anew for a mutant. A run that was stopped
+code runs as plain Python (NUMBA_DISABLE_JIT=1), so nothing is compiled again for a mutant. A run that was stopped
 goes on where it was; mutants of a module whose source changed are tried again, survivors also when its tests changed.
 """
 

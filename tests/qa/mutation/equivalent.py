@@ -45,8 +45,9 @@ EQUIVALENT: dict[str, dict[str, str]] = {
     },
     "core/belief/momentum_model": {
         (
-            "_beyond: return rate if rate * rate > _EXCITATION_SIGMAS ** 2 * spin * (1.0 - spin / noise) else 0.0 -> "
-            "return rate if rate * rate >= _EXCITATION_SIGMAS ** 2 * spin * (1.0 - spin / noise) else 0.0"
+            "_beyond: return rate if rate * rate > retraction.EXCITATION_SIGMAS ** 2 * spin * (1.0 - spin / noise) "
+            "else 0.0 -> return rate if rate * rate >= retraction.EXCITATION_SIGMAS ** 2 * spin * (1.0 - spin / noise) "
+            "else 0.0"
         ): "equal where both are 0 alone, and then the rate is 0",
     },
     "metrics": {
