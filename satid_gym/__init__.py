@@ -4,10 +4,16 @@ from gymnasium.envs.registration import register, registry
 
 from satid_gym.disturbance import Disturbance
 from satid_gym.env import SatInertiaIDEnv
-from satid_gym.laws import INERTIA_MODES, InertiaLaw, LawRanges, paper_law
+from satid_gym.friction import WheelFriction
+from satid_gym.identification import Identification, identify
+from satid_gym.law_ranges import LawRanges
+from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw, paper_law
+from satid_gym.onboard import Pilot
+from satid_gym.oscillators import Panel, SloshMass
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import SATELLITES, ReactionWheels, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.sensors import Sensors
 from satid_gym.simulation import Trajectory, simulate
 from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
@@ -16,19 +22,27 @@ __version__ = "0.1.0"
 
 __all__ = [
     "INERTIA_MODES",
+    "MASS_MODES",
     "SATELLITES",
     "SCENARIOS",
     "Disturbance",
+    "Identification",
     "InertiaLaw",
     "LawRanges",
+    "Panel",
+    "Pilot",
     "ReactionWheels",
     "RewardSettings",
     "SatInertiaIDEnv",
     "SatInertiaIDVectorEnv",
     "Satellite",
     "Scenario",
+    "Sensors",
+    "SloshMass",
     "Tolerances",
     "Trajectory",
+    "WheelFriction",
+    "identify",
     "paper_law",
     "simulate",
 ]

@@ -27,8 +27,9 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """A satellite with reaction wheels finds out its own, time-varying inertia by the torques it chooses.
 
     ## Description
-    The truth is a rigid body with n >= 3 reaction wheels under torque and speed limits, external torque and
-    noise; its inertia is static, steps, drifts or oscillates. An extended Kalman filter estimates the inertia
+    The truth is a body with n >= 3 reaction wheels under torque and speed limits, external torque and noise, and with
+    panels and slosh masses where the satellite has them; its inertia is static, steps, drifts, oscillates, or changes
+    as a mass is moved, used up or released. An extended Kalman filter estimates the inertia
     from gyro and wheel speeds. The agent chooses wheel torque so that the filter learns as much as possible
     while the body rates stay within the operating envelope. One decision a second, sensors and filter at
     10 Hz, 300 s.
@@ -85,7 +86,7 @@ over the rate limit, less 1, where positive |
     ## Starting state
     True moments lognormal (15 %) about nominal, filter's prior at nominal (30 %); wheels uniform within 20 %
     of their limit; body nearly at rest; random attitude; disturbance constant and orbit-periodic, unknown.
-    Inertia law drawn from the four modes with random size and timing.
+    Inertia law drawn from the paper's four modes with random size and timing.
 
     ## Episode end
     Terminated when a true body rate exceeds three times the rate limit. Truncated after 300 decisions, by the
@@ -105,11 +106,13 @@ over the rate limit, less 1, where positive |
     | outside | share of the decision's samples with a true rate outside the limit |
     | cost | the larger of `outside` and the share of wheels that were at their speed limit (as in Safety-Gymnasium) |
     | effort | mean square of the action |
+    | in_avoided_band | share of the decision's samples with a wheel's speed in the band that operators avoid |
     | saturated | (n,) whether a wheel was at its speed limit |
-    | torque_applied | (n,) mean motor torque, N m |
+    | torque_applied | (n,) mean motor torque less friction, N m |
     | constrained_updates | filter updates shortened so far to keep the estimate positive definite |
     | rejected | gyro readings that the filter has rejected so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
+    | deflection | (c,) largest deflection of each panel, rad, and slosh mass, m; (0,) without any |
 
     ## Arguments
     Each takes a name, a mapping of plain values, or the dataclass behind it; satellite, inertia and scenario also the

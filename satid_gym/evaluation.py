@@ -14,7 +14,8 @@ import numpy as np
 from satid_gym import metrics
 from satid_gym.config import check_integer, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.laws import PAPER_LAWS, InertiaLaw, LawRanges
+from satid_gym.law_ranges import PAPER_LAWS, LawRanges
+from satid_gym.laws import InertiaLaw
 from satid_gym.policy import Policy, includes_covariance, missions
 from satid_gym.problem import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
 from satid_gym.reward import RewardSettings

@@ -50,7 +50,7 @@ class Fleet:
         plants, beliefs, tasks = (part.dtype for part in self.templates.records[1:])
         n, size = problem.wheels, max(place.stop for place in problem.layout.values())
         p = beliefs["prior_theta"].shape[0]
-        reports = report_dtype(n)
+        reports = report_dtype(n, plants["oscillators"]["mass"].shape[0])
         self.rows = Rows(
             plants=np.zeros(count, plants),
             beliefs=np.zeros(count, beliefs),

@@ -11,6 +11,7 @@ from gymnasium import spaces
 from satid_gym.config import unknown_name
 from satid_gym.core.observation import BOUND
 from satid_gym.laws import InertiaLaw
+from satid_gym.oscillators import oscillator_counts
 from satid_gym.problem import Problem, resolve_inertia, resolve_satellites
 from satid_gym.templates import EpisodeTemplates, build_templates
 
@@ -27,11 +28,13 @@ INFO_KEYS = (
     "outside",
     "cost",
     "effort",
+    "in_avoided_band",
     "saturated",
     "torque_applied",
     "constrained_updates",
     "rejected",
     "faults",
+    "deflection",
 )
 _FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
 
@@ -123,6 +126,22 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> EpisodeTemplates
     for count in (satellite.wheels.count for satellite in satellites):
         if count != p.wheels:
             raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {count}")
+    for own in (oscillator_counts(satellite.oscillators) for satellite in satellites):
+        if own != oscillator_counts(p.satellites[0].oscillators):
+            raise ValueError(
+                f"the satellite for this episode must have as many oscillators as the environment's, and as many of "
+                f"them mirrored: it has {len(own)} and {sum(own)} in all"
+            )
+    sheet, *others = map(p.scenario.operate, (p.satellites[0], *satellites))
+    for other in others:
+        same_kinds = other.tolerances.kinds == sheet.tolerances.kinds
+        same_kinds = same_kinds and other.sensors.are_timed == sheet.sensors.are_timed
+        if not same_kinds or p.estimator.other_states(other) != p.estimator.other_states(sheet):
+            raise ValueError(
+                "the satellite for this episode must have tolerances of the same kinds and sensors like the "
+                "environment's, whose filter has states for them: give scenario tolerances and sensors, which replace "
+                "the satellite's"
+            )
     changed = p.replace(satellites=satellites, inertia=resolve_inertia(options.get("inertia", p.inertia)))
     room = p.inertia.room if isinstance(p.inertia, InertiaLaw) else 1
     if isinstance(changed.inertia, InertiaLaw) and changed.inertia.room > room:

@@ -1,11 +1,21 @@
 """Laws by which the true inertia varies in flight: J(t) = J0 + f(t) change.
 
     static    f = 0
-    step      f = 0 before `time`, 1 from then on        (deployment)
-    drift     f = t / time up to `time`, then 1          (fuel)
-    periodic  f = sin(2 pi frequency t + phase)          (slosh)
+    step      f = 0 before `time`, 1 from then on
+    drift     f = t / time up to `time`, then 1
+    periodic  f = sin(2 pi frequency t + phase)
 
-The change is a fraction of J0, or a tensor. Any other law is a table, linear between its knots:
+The change is a fraction of J0, or a tensor. Three laws are those of a mass m at a place r, D = m (r^2 1 - r r^T):
+
+    deployment  +D, f = s^2 (3 - 2 s), s = (t - time) / duration within 0 and 1: it moves out from the centre to r
+    fuel        -D, f = t / time up to `time`, then 1: it leaves by a nozzle whose thrust goes through the centre
+    release     -D, f = 0 before `time`, 1 from then on: it leaves and takes its angular momentum D omega along
+
+J is about the centre of mass of all that is left, which moves: for a mass m' at r from the centre of mass of the rest,
+of mass M', the parallel axis theorem gives D with the reduced mass m = m' M' / (m' + M'), 1 to 5 % below m' here.
+Moved straight out by the square root of f, as a deployment is, it carries no angular momentum of its own, and fuel
+gives up its own on the way to the nozzle, so both keep the total; a release keeps the rate.
+Source: Hughes, Spacecraft Attitude Dynamics (1986), ch. 3. Any other law is a table, linear between its knots:
 
     table     J(t) = factor(t) J0, or J(t) = J0 + D(t)
 """
@@ -14,17 +24,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
 import numpy as np
 
 from satid_gym.config import Config, check_number, real_array
 from satid_gym.core import records
+from satid_gym.law_ranges import PAPER_LAWS
+from satid_gym.rigid_body import point_inertia
 
 InertiaMode = Literal["static", "step", "drift", "periodic"]
+MassMode = Literal["deployment", "fuel", "release"]
 LAW_NAMES: tuple[str, ...] = tuple(mode.name.lower() for mode in records.InertiaMode)
 TABLE = "table"  # no mode that episodes or benchmarks draw
-INERTIA_MODES = tuple(name for name in LAW_NAMES if name != TABLE)
+INERTIA_MODES: tuple[str, ...] = get_args(InertiaMode)  # the paper's, among which "random" draws
+MASS_MODES: tuple[str, ...] = get_args(MassMode)
 KNOTS_MAX = 8**5  # of a table
 
 
@@ -33,12 +47,15 @@ class InertiaLaw(Config):
     """Inertia law with its numbers.
 
     Attributes:
-        mode: static, step, drift, periodic or table.
+        mode: static, step, drift, periodic, deployment, fuel, release or table.
         size: the change relative to J0: change = size J0.
-        time: s; time of the step, or duration of the drift until its full size.
+        time: s; when a step, a release or a deployment comes; how long drift or fuel take until their full size.
         frequency: Hz, of the periodic law.
         phase: rad, of the periodic law.
         change: (3,) or (3, 3) kg m^2, body frame; an absolute change of the tensor instead of size J0.
+        mass: kg; of deployment, fuel and release, reduced as said above.
+        place: (3,) m, body frame; of that mass, from the centre of mass of the rest.
+        duration: s, that a deployment takes.
         times: (K,) s, increasing; the knots of a table.
         values: of a table, at its knots: factors (K,), J(t) = factor J0, or changes D (K, 3) or (K, 3, 3), kg m^2,
             body frame, J(t) = J0 + D. Linear between the knots, held before the first and after the last.
@@ -48,12 +65,15 @@ class InertiaLaw(Config):
         ValueError: the mode is unknown or a number is out of range.
     """
 
-    mode: Literal[InertiaMode, "table"]
+    mode: Literal[InertiaMode, MassMode, "table"]
     size: float = 0.0
     time: float = 150.0
     frequency: float = 0.0
     phase: float = 0.0
     change: np.ndarray | None = None
+    mass: float | None = None
+    place: np.ndarray | None = None
+    duration: float = 30.0
     times: np.ndarray | None = None
     values: np.ndarray | None = None
     name: str = ""
@@ -61,8 +81,10 @@ class InertiaLaw(Config):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check_table()
+        self._check_mass()
         check_number("size of the inertia law", self.size, low=-1.0, strict=True)
-        check_number("time of the inertia law", self.time, strict=self.mode == "drift")
+        check_number("time of the inertia law", self.time, strict=self.mode in ("drift", "fuel"))
+        check_number("duration of the inertia law", self.duration, strict=True)
         check_number("frequency of the inertia law", self.frequency)
         check_number("phase of the inertia law", self.phase, low=-np.inf)
         if self.change is not None:
@@ -97,6 +119,33 @@ class InertiaLaw(Config):
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
 
+    def _check_mass(self) -> None:
+        if self.mode not in MASS_MODES:
+            if self.mass is not None or self.place is not None:
+                modes = ", ".join(MASS_MODES)
+                raise ValueError(f"mass and place are those of a law with mode {modes}, this one is {self.mode!r}")
+            return
+        if self.mass is None or self.place is None:
+            raise ValueError(
+                f"a law with mode {self.mode!r} needs mass, kg, and place (3,), m; "
+                f'inertia="{self.mode}" draws both in each episode'
+            )
+        if self.size != 0.0 or self.change is not None:
+            raise ValueError(f"the change of a {self.mode} follows from mass and place: leave out `size` and `change`")
+        check_number("mass of the inertia law", self.mass, strict=True)
+        place = real_array("place of the inertia law", self.place, (3,))
+        if not place.any():
+            raise ValueError("place of the inertia law must not be the centre of mass: a mass there has no inertia")
+        object.__setattr__(self, "place", place)
+
+    @property
+    def mass_change(self) -> np.ndarray | None:
+        """D with its sign, (3, 3) kg m^2; None of a law that moves no mass."""
+        if self.mass is None or self.place is None:
+            return None
+        tensor = self.mass * point_inertia(self.place)
+        return tensor if self.mode == "deployment" else -tensor
+
     @property
     def label(self) -> str:
         """Name of the law in tables."""
@@ -105,13 +154,16 @@ class InertiaLaw(Config):
     @property
     def relative(self) -> bool:
         """Whether the change is relative to J0: `size`, or a table of factors."""
+        if self.mass is not None:
+            return False
         return self.change is None if self.values is None else self.values.ndim == 1
 
     @property
     def changes(self) -> np.ndarray:
         """Tensors (K, 3, 3) added to J0, kg m^2; K = 0 if the change is relative."""
-        if self.change is not None:
-            return self.change[None]
+        given = self.mass_change if self.change is None else self.change
+        if given is not None:
+            return given[None]
         if self.values is None or self.values.ndim == 1:
             return np.empty((0, 3, 3))
         return self.values if self.values.ndim == 3 else self.values[:, :, None] * np.eye(3)
@@ -151,63 +203,6 @@ class InertiaLaw(Config):
 def _first_fall(times: np.ndarray) -> str:
     k = int(np.argmax(np.diff(times) <= 0.0))
     return f"{times[k + 1]:g} after {times[k]:g}"
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LawRanges(Config):
-    """Ranges from which an episode's law is drawn, uniformly; (low, high) each, times relative to the horizon.
-
-    The defaults are the randomised laws for training; `PAPER_LAWS` are the paper's exact ones.
-
-    Attributes:
-        step_size: change of the step, relative to the inertia.
-        step_time: when it comes.
-        drift_size: change that the drift has reached at the horizon, relative to the inertia.
-        periodic_size: amplitude of the oscillation, relative to the inertia.
-        frequency: of the oscillation, Hz.
-        phase: of the oscillation, rad.
-
-    Raises:
-        ValueError: a range is reversed or outside its bounds; the message gives them.
-    """
-
-    step_size: tuple[float, float] = (0.05, 0.15)
-    step_time: tuple[float, float] = (0.3, 0.7)
-    drift_size: tuple[float, float] = (0.02, 0.08)
-    periodic_size: tuple[float, float] = (0.01, 0.05)
-    frequency: tuple[float, float] = (0.01, 0.03)
-    phase: tuple[float, float] = (0.0, 2.0 * np.pi)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, (least, most) in _LAW_BOUNDS.items():
-            value = real_array(f"{name} of the law ranges", getattr(self, name), (2,))
-            low, high = value.tolist()
-            if not least <= low <= high <= most:
-                raise ValueError(
-                    f"{name} of the law ranges must be (low, high) with {least} <= low <= high <= {most}, "
-                    f"got ({low}, {high})"
-                )
-            object.__setattr__(self, name, (low, high))
-
-
-_LAW_BOUNDS = {
-    "step_size": (-0.9, 10.0),
-    "step_time": (0.0, 1.0),
-    "drift_size": (-0.9, 10.0),
-    "periodic_size": (0.0, 0.9),
-    "frequency": (0.0, 10.0),
-    "phase": (-100.0, 100.0),
-}
-
-PAPER_LAWS = LawRanges(
-    step_size=(0.1, 0.1),
-    step_time=(0.5, 0.5),
-    drift_size=(0.05, 0.05),
-    periodic_size=(0.03, 0.03),
-    frequency=(0.02, 0.02),
-    phase=(0.0, 0.0),
-)
 
 
 def paper_law(mode: InertiaMode, horizon: float = 300.0) -> InertiaLaw:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from satid_gym.config import real_array, unknown_name
 from satid_gym.core import kernels
 from satid_gym.core.belief.filters import FilterKind
+from satid_gym.estimators.alignment import DataSheet
+from satid_gym.estimators.compiled import CompiledEKF
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior
@@ -17,6 +19,7 @@ from satid_gym.estimators.protocol import Estimator
 from satid_gym.estimators.rate import RateEKFSettings
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
+from satid_gym.sensors import Sensors
 from satid_gym.tolerances import Tolerances
 
 
@@ -27,14 +30,19 @@ class PluginSettings(EstimatorSettings):
     standard: ClassVar[type[EstimatorSettings]]
     """Settings of the library's filter in the same coordinates, whose belief record it fills."""
 
-    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
-        """As many as the standard filter has for exact sensors and wheels."""
-        return self.standard().other_states(wheels, Tolerances())  # type: ignore[call-arg]
+    def other_states(self, sheet: DataSheet) -> int:
+        """As many as the standard filter has for exact sensors and wheels and a rigid body."""
+        return self.standard().other_states(_exact(sheet))  # type: ignore[call-arg]
 
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
         """Write the prior as the standard filter has it."""
-        exact = prior.replace(tolerances=Tolerances())
-        self.standard(parameters=parameters).write(row, exact, parameters)  # type: ignore[call-arg]
+        self.standard(parameters=parameters).write(row, _exact(prior), parameters)  # type: ignore[call-arg]
+
+
+def _exact(sheet: Any) -> Any:
+    """A data sheet of a rigid body whose sensors and wheels are exact, of one instant."""
+    rigid = {"modes": ()} if isinstance(sheet, FilterPrior) else {"oscillators": ()}
+    return sheet.replace(tolerances=Tolerances(), sensors=Sensors(), **rigid)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,6 +121,8 @@ class PluginFilter:
         gain = 0.0
         for _ in range(task["samples"]):
             kernels.sample(rows, work)
+            if isinstance(self.estimator, CompiledEKF):
+                kernels.announce(rows, self.estimator.records)
             gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()
             self.estimator.predict(wheel_speed, float(task["sample_period"]))
             self._take_belief()
@@ -149,7 +159,10 @@ class PluginFilter:
         accepted, speed = self._accepted(plant["tachometer"])
         belief["coasting"] = plant["gyro_flagged"] or not accepted
         belief["speed"], belief["stuck"] = speed, speed != plant["tachometer"]
-        if belief["kind"] == FilterKind.MOMENTUM:
+        if isinstance(self.estimator, CompiledEKF):
+            for name in ("wheel_input", "alignment", "modes"):  # what the rate follows from beside the mean
+                belief[name] = self.estimator.record[name]
+        elif belief["kind"] == FilterKind.MOMENTUM:
             belief["wheel_input"][:3] = belief["axes"] @ (belief["wheel_inertia"] * speed)
 
     def _accepted(self, tachometer: np.ndarray) -> tuple[bool, np.ndarray]:

@@ -14,11 +14,12 @@ from satid_gym.core.observation import layout
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, products_of_inertia
 from satid_gym.estimators.registry import estimator_settings, preset_name
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.laws import INERTIA_MODES, InertiaLaw
+from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
+from satid_gym.modes import check_sampling
+from satid_gym.oscillators import oscillator_counts
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
-from satid_gym.tolerances import Tolerances
 
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
 InertiaLike = str | InertiaLaw | Mapping[str, Any]
@@ -54,14 +55,28 @@ class Problem(Config):
         counts = {s.wheels.count for s in self.satellites}
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
-        kinds = {self.tolerances_of(s).kinds for s in self.satellites}
+        sheets = [self.scenario.operate(s) for s in self.satellites]
+        kinds = {s.tolerances.kinds for s in sheets}
         if len(kinds) != 1:
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
                 "all satellites of an environment need tolerances of the same kinds (gyro bias; gyro scale and "
-                f"alignment; wheels), for they share a filter: those of {names} differ; give scenario tolerances, "
-                "which replace the satellites'"
+                f"alignment; tachometer delay; wheels), for they share a filter: those of {names} differ; give "
+                "scenario tolerances, which replace the satellites'"
             )
+        if len({oscillator_counts(s.oscillators) for s in self.satellites}) != 1:
+            raise ValueError(
+                "all satellites of an environment need as many oscillators, and as many of them mirrored, got "
+                + ", ".join(f"{len(s.oscillators)} of {s.name}" for s in self.satellites)
+            )
+        if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
+            names = ", ".join(s.name for s in self.satellites)
+            raise ValueError(
+                "all satellites of an environment need encoders or none, and readings of an instant or not, for they "
+                f"share a filter: those of {names} differ; give scenario sensors, which replace the satellites'"
+            )
+        for satellite in self.satellites:
+            check_sampling(satellite.name, satellite.modes, satellite.inertia, self.scenario.sample_period)
         missed = self._products()
         if self.estimator.parameters is None:
             settled = self.estimator.replace(parameters="full" if missed else "principal")
@@ -79,6 +94,8 @@ class Problem(Config):
             for change in changes:
                 if found := products_of_inertia(change, moments):
                     return f"the inertia law's change has products of inertia about the body axes, {found}"
+        if self.inertia in MASS_MODES:
+            return f"a {self.inertia} moves a mass to or from a place that is drawn, so there are products of inertia"
         if self.scenario.tilt_std > 0.0:
             return f"the scenario tilts the principal axes out of the body axes, tilt_std = {self.scenario.tilt_std:g}"
         return ""
@@ -115,14 +132,9 @@ class Problem(Config):
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
         p = PARAMETER_COUNT[self.parameters]
-        tolerances = self.tolerances_of(self.satellites[0])
-        others = self.estimator.other_states(self.wheels, tolerances) if self.include_covariance else 0
+        sheet = self.scenario.operate(self.satellites[0])
+        others = self.estimator.other_states(sheet) if self.include_covariance else 0
         return layout(self.wheels, p, others)
-
-    def tolerances_of(self, satellite: Satellite) -> Tolerances:
-        """Tolerances of a satellite in the scenario."""
-        own = self.scenario.tolerances
-        return satellite.tolerances if own is None else own
 
 
 def problem(
@@ -198,10 +210,11 @@ def resolve_inertia(value: InertiaLike) -> str | InertiaLaw:
         return value
     if isinstance(value, Mapping):
         return InertiaLaw.from_dict(value)
-    if isinstance(value, str) and value in ("random", *INERTIA_MODES):
+    modes = ("random", *INERTIA_MODES, *MASS_MODES)
+    if isinstance(value, str) and value in modes:
         return value
     if not sources.is_source(value):
-        raise sources.unknown("inertia mode", value, ["random", *INERTIA_MODES])
+        raise sources.unknown("inertia mode", value, modes)
     return sources.load(value, InertiaLaw, InertiaLaw.from_dict)
 
 

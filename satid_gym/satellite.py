@@ -8,70 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from satid_gym.config import Config, check_number, real_array
+from satid_gym.friction import WheelFriction, friction_of
+from satid_gym.modes import Mode, mode_of
+from satid_gym.oscillators import Oscillator, oscillators_of
+from satid_gym.rigid_body import check_left, inertia_tensor
+from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
 
 _LENGTH_TOLERANCE = 1e-6  # of a wheel axis, whose length must be 1
-_MOMENT_RANGE = (1e-9, 1e12)  # kg m^2: a chip satellite of 1 g has 1e-7, the International Space Station 2e8
-_TRIANGLE = 1e-9  # relative slack of the triangle inequalities: flat plates meet them with equality
-
-
-def second_moment(inertia: np.ndarray) -> np.ndarray:
-    """Second moment of the mass S = sum m r r^T (3, 3), kg m^2, of an inertia tensor J (3, 3): S = tr(J)/2 1 - J.
-
-    J is that of a rigid body if and only if S is positive semidefinite. Each eigenvalue of S is half the sum of two
-    principal moments of J minus the third, so it is negative where a triangle inequality is broken; one eigenvalue of
-    a flat plate is 0.
-    Source: Wensing, Kim, Slotine, IEEE RA-L 3(1), 2018.
-    """
-    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
-
-
-def least_second_moment(inertia: np.ndarray) -> float:
-    """Smallest eigenvalue of the second moment of an inertia tensor (3, 3), kg m^2; negative if not a rigid body's."""
-    return float(np.linalg.eigvalsh(second_moment(inertia))[0])
-
-
-def inertia_tensor(inertia: object, name: str = "inertia") -> np.ndarray:
-    """Inertia tensor of a rigid body, kg m^2, body frame.
-
-    Args:
-        inertia: (3,) principal moments along the body axes, or (3, 3) symmetric tensor.
-        name: its name in error messages.
-
-    Returns:
-        (3, 3) read-only array.
-
-    Raises:
-        ValueError: not symmetric, not positive definite, its principal moments are beyond those of any
-            spacecraft (1e-9 to 1e12 kg m^2), or they break a triangle inequality, which every rigid body meets.
-    """
-    array = real_array(name, inertia, (3,), (3, 3))
-    tensor = np.diag(array) if array.ndim == 1 else array
-    if np.abs(tensor).max() > _MOMENT_RANGE[1]:  # before the others, because products of such moments overflow
-        raise _out_of_range(name, np.abs(tensor).max())
-    if not np.allclose(tensor, tensor.T, rtol=0.0, atol=1e-9 * np.abs(tensor).max()):
-        raise ValueError(f"{name} must be symmetric, got {tensor.tolist()}")
-    moments = np.linalg.eigvalsh(tensor)
-    if moments[0] <= 0.0:
-        raise ValueError(f"{name} must be positive definite; its principal moments are {moments.tolist()}")
-    if moments[0] < _MOMENT_RANGE[0]:
-        raise _out_of_range(name, moments[0])
-    if least_second_moment(tensor) < -0.5 * _TRIANGLE * moments[2]:
-        raise ValueError(
-            f"{name} breaks the triangle inequality of principal moments: "
-            f"{moments[0]:.6g} + {moments[1]:.6g} < {moments[2]:.6g}, so no rigid body can have it"
-        )
-    tensor = 0.5 * (tensor + tensor.T)
-    tensor.flags.writeable = False
-    return tensor
-
-
-def _out_of_range(name: str, moment: float) -> ValueError:
-    low, high = _MOMENT_RANGE
-    return ValueError(
-        f"{name} is beyond any spacecraft's: its moments must be within {low:g} and {high:g} kg m^2, got {moment:g}; "
-        "is it in kg m^2?"
-    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,15 +27,20 @@ class ReactionWheels(Config):
         inertia: spin inertia of a wheel, kg m^2, one number or (n,).
         max_torque: motor torque limit, N m, one number or (n,).
         max_speed: speed limit relative to the body, rad/s, one number or (n,).
+        friction: of each wheel, or a mapping with its settings; none by default.
+        avoided_speed: (low, high) rad/s, band of the wheels' speed either way that operators avoid, as where a wheel
+            shakes an instrument or loses its film of lubricant; time in it is counted. (0, 0): none.
 
     Raises:
-        ValueError: a shape, a sign or an axis is wrong.
+        ValueError: a shape, a sign, a band or an axis is wrong.
     """
 
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     inertia: np.ndarray
     max_torque: np.ndarray
     max_speed: np.ndarray
+    friction: WheelFriction = field(default_factory=WheelFriction)
+    avoided_speed: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -114,6 +63,14 @@ class ReactionWheels(Config):
             value = np.broadcast_to(value, n)
             object.__setattr__(self, name, value)
 
+        object.__setattr__(self, "friction", friction_of(self.friction))
+        low, high = real_array("avoided_speed of the wheels", self.avoided_speed, (2,)).tolist()
+        if not 0.0 <= low <= high:
+            raise ValueError(
+                f"avoided_speed of the wheels must be (low, high) with 0 <= low <= high, got ({low}, {high})"
+            )
+        object.__setattr__(self, "avoided_speed", (low, high))
+
     @property
     def count(self) -> int:
         """Number of wheels n."""
@@ -134,13 +91,16 @@ class Satellite(Config):
         inertia: nominal inertia about the centre of mass, wheels locked, kg m^2, body frame; (3,) principal
             moments or (3, 3) tensor, kept as (3, 3).
         wheels: reaction wheels, or a mapping with their settings.
-        mass: kg, for display only.
+        mass: kg; oscillators move the centre of mass by it, which stays where it is None.
         size: (3,) m, for display only.
         rate_limit: largest body rate about any axis in operation, rad/s.
         gyro_noise_std: white noise of a gyro sample, rad/s.
         tachometer_noise_std: white noise of a wheel speed sample, rad/s.
         disturbance_std: standard deviation of the unknown disturbance torque about each axis, N m.
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
+        oscillators: hinged panels and slosh masses, `Panel` and `SloshMass`, or mappings with their settings; the
+            inertia includes them at rest.
+        sensors: what readings stand for and how late they are, or a mapping with their settings.
 
     Raises:
         ValueError: a value is not physically possible; the message says which and why.
@@ -156,6 +116,8 @@ class Satellite(Config):
     tachometer_noise_std: float = field(default=0.05, kw_only=True)
     disturbance_std: float = field(default=5e-5, kw_only=True)
     tolerances: Tolerances = field(default_factory=Tolerances, kw_only=True)
+    oscillators: tuple[Oscillator, ...] = field(default=(), kw_only=True)
+    sensors: Sensors = field(default_factory=Sensors, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -184,6 +146,29 @@ class Satellite(Config):
         check_number("tachometer_noise_std", self.tachometer_noise_std)
         check_number("disturbance_std", self.disturbance_std)
         object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
+        object.__setattr__(self, "sensors", sensors_of(self.sensors))
+        self.sensors.check(self.tolerances)
+        if self.sensors.gyro_range is not None and self.sensors.gyro_range <= self.rate_limit:
+            raise ValueError(
+                f"gyro_range of {self.name} must be more than its rate_limit, {self.rate_limit:g} rad/s, "
+                f"got {self.sensors.gyro_range:g}"
+            )
+        object.__setattr__(self, "oscillators", oscillators_of(self.oscillators))
+        self._check_oscillators()
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes that a filter expects, one for each of the oscillators, a mirrored pair being one."""
+        return tuple(mode_of(o, self.mass) for o in self.oscillators)
+
+    def _check_oscillators(self) -> None:
+        """Refuse oscillators that are heavier than the satellite, or have more inertia than it leaves them."""
+        moving = sum(o.count * o.mass for o in self.oscillators)
+        if self.mass is not None and moving >= self.mass:
+            raise ValueError(f"oscillators of {self.name} must be lighter than it, {self.mass:g} kg; got {moving:g} kg")
+        if self.oscillators:
+            at_rest = np.sum([o.inertia_at_rest for o in self.oscillators], axis=0)
+            check_left(self.name, self.inertia - at_rest, self.wheels.rotor_inertia)
 
 
 def _paper(

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import Parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings
@@ -15,9 +13,12 @@ from satid_gym.estimators.prior import GYRO_STD_MIN, FilterPrior
 from satid_gym.estimators.rate import RateEKFSettings
 from satid_gym.estimators.registry import estimator_settings
 from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.expectation import agitation, disturbance_walk, nutation
 from satid_gym.faults import Faults
-from satid_gym.laws import PAPER_LAWS, LawRanges
+from satid_gym.friction import WheelFriction, friction_of
+from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.satellite import Satellite
+from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
 
 _SAMPLES_MAX = 100_000  # a decision
@@ -44,6 +45,7 @@ class Scenario(Config):
         initial_rate_std: std of the first body rates over the rate limit.
         torque_noise: std of the motor torque noise over the torque limit, drawn again each sample.
         torque_lag: time constant of the motors, s.
+        friction: of the wheels, or a mapping with its settings.
         gyro_noise_std: rad/s per sample.
         gyro_bias_walk: rad/s per sqrt(s).
         tachometer_noise_std: rad/s per sample.
@@ -57,6 +59,7 @@ class Scenario(Config):
         estimator: the filter that is the scenario's default; its name or a mapping with its settings will do.
         faults: what can go wrong with sensors and wheels.
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
+        sensors: what readings stand for and how late they are, or a mapping with their settings.
 
     Raises:
         ValueError: a value is out of range, or the periods do not divide.
@@ -77,6 +80,7 @@ class Scenario(Config):
     initial_rate_std: float = 0.02
     torque_noise: float = 0.05
     torque_lag: float = 0.0
+    friction: WheelFriction | None = None
     gyro_noise_std: float | None = None
     gyro_bias_walk: float = 1e-7
     tachometer_noise_std: float | None = None
@@ -90,6 +94,7 @@ class Scenario(Config):
     estimator: EstimatorSettings = field(default_factory=lambda: estimator_settings("adaptive"))
     faults: Faults = field(default_factory=Faults)
     tolerances: Tolerances | None = None
+    sensors: Sensors | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -108,8 +113,12 @@ class Scenario(Config):
         if self.rate_limit is not None:
             check_number("rate_limit", self.rate_limit, strict=True)
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
+        if self.friction is not None:
+            object.__setattr__(self, "friction", friction_of(self.friction))
         if self.tolerances is not None:
             object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
+        if self.sensors is not None:
+            object.__setattr__(self, "sensors", sensors_of(self.sensors))
         if isinstance(self.laws, Mapping):
             object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
         if isinstance(self.faults, Mapping):
@@ -139,11 +148,12 @@ class Scenario(Config):
     def operate(self, satellite: Satellite) -> Satellite:
         """The satellite as this scenario operates it: with its limits and sensors where it sets them."""
         wheels = satellite.wheels
+        friction = wheels.friction if self.friction is None else self.friction
         changes: dict[str, Any] = {
-            "wheels": wheels.replace(max_speed=wheels.max_speed * self.wheel_speed_scale),
+            "wheels": wheels.replace(max_speed=wheels.max_speed * self.wheel_speed_scale, friction=friction),
             "disturbance_std": satellite.disturbance_std * self.disturbance_scale,
         }
-        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std", "tolerances"):
+        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std", "tolerances", "sensors"):
             if getattr(self, name) is not None:
                 changes[name] = getattr(self, name)
         return satellite.replace(**changes)
@@ -222,22 +232,13 @@ def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | 
         gyro_noise_std=max(operating.gyro_noise_std, GYRO_STD_MIN),
         tachometer_noise_std=operating.tachometer_noise_std,
         disturbance_std=operating.disturbance_std,
-        disturbance_walk=_disturbance_walk(operating, scenario),
+        disturbance_walk=disturbance_walk(operating, scenario),
         parameters=parameters,
         tolerances=operating.tolerances,
         gyro_bias_walk=scenario.gyro_bias_walk,
+        modes=operating.modes,
+        agitation=agitation(operating, scenario),
+        nutation=nutation(operating, scenario),
+        sensors=operating.sensors,
+        sample_period=scenario.sample_period,
     )
-
-
-def _disturbance_walk(satellite: Satellite, scenario: Scenario) -> float:
-    """Random walk that spreads as far as the known causes move the disturbance, N m per sqrt(s).
-
-    The orbit-periodic torque has rms slope n std / sqrt(2), held over the horizon; the gravity gradient, of
-    amplitude A = 3/2 n^2 (J_max - J_min), forgets itself within the time the body takes to turn by a radian at
-    its rate limit omega: A sqrt(2 omega).
-    """
-    n = scenario.orbit_rate
-    periodic = 0.5 * satellite.disturbance_std * n * np.sqrt(0.5 * scenario.horizon)
-    moments = np.linalg.eigvalsh(satellite.inertia)
-    gradient = 1.5 * n**2 * (moments[-1] - moments[0]) * np.sqrt(2.0 * satellite.rate_limit)
-    return float(np.hypot(periodic, gradient if scenario.gravity_gradient else 0.0))

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from satid_gym.config import check_names
-from satid_gym.laws import INERTIA_MODES, InertiaLaw
+from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
 from satid_gym.problem import resolve_inertia, resolve_satellites, resolve_scenario
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
@@ -45,7 +45,9 @@ def select_scenarios(texts: Sequence[str]) -> tuple[Scenario, ...]:
     return tuple(chosen)
 
 
-def select_inertias(texts: Sequence[str], valid: Sequence[str] = INERTIA_MODES) -> tuple[str | InertiaLaw, ...]:
+def select_inertias(
+    texts: Sequence[str], valid: Sequence[str] = (*INERTIA_MODES, *MASS_MODES)
+) -> tuple[str | InertiaLaw, ...]:
     """Inertia modes among `valid`, and laws given by file or by module:name; errors as of `select_satellites`."""
     _check_texts("inertia mode", texts, valid)
     chosen = [resolve_inertia(text) for text in texts]

@@ -11,8 +11,10 @@ from satid_gym.config import check_integer, check_number, real_array
 from satid_gym.core import kernels
 from satid_gym.disturbance import Disturbance
 from satid_gym.laws import InertiaLaw
+from satid_gym.modes import fastest_oscillation
+from satid_gym.oscillators import oscillator_count
+from satid_gym.plants import new_plant
 from satid_gym.satellite import Satellite
-from satid_gym.templates import new_plant
 
 _SUBSTEPS_MIN = 10
 _ANGLE = 0.01  # rad, that body and momentum may turn against each other in one step
@@ -28,8 +30,10 @@ class Trajectory:
         wheel_speed: (N + 1, n) relative to the body, rad/s.
         momentum: (N + 1, 3) total angular momentum, N m s, body frame.
         attitude: (N + 1, 4) quaternion, body to inertial, scalar last.
-        torque: (N, n) motor torque applied, mean over each interval, N m.
-        inertia: (N + 1, 3, 3) kg m^2.
+        torque: (N, n) motor torque applied, less friction, mean over each interval, N m.
+        inertia: (N + 1, 3, 3) kg m^2, oscillators at rest.
+        deflection: (N + 1, c) of the oscillators: rad of a panel, m of a slosh mass; first and second of a mirrored
+            pair follow each other.
     """
 
     time: np.ndarray
@@ -39,6 +43,7 @@ class Trajectory:
     attitude: np.ndarray
     torque: np.ndarray
     inertia: np.ndarray
+    deflection: np.ndarray
 
 
 def simulate(
@@ -49,6 +54,7 @@ def simulate(
     omega0: object = (0.0, 0.0, 0.0),
     wheel_speed0: object = None,
     attitude0: object = (0.0, 0.0, 0.0, 1.0),
+    deflection0: object = None,
     law: InertiaLaw | None = None,
     disturbance: Disturbance | object = None,
     substeps: int | None = None,
@@ -63,6 +69,7 @@ def simulate(
         omega0: (3,) first body rate, rad/s.
         wheel_speed0: (n,) first wheel speeds, rad/s; at rest where None.
         attitude0: (4,) first attitude, body to inertial, scalar last; it is normalised.
+        deflection0: (c,) first deflection of the oscillators, at rest relative to the body; 0 where None.
         law: how the inertia varies; static where None.
         disturbance: external torque: a `Disturbance`, or (3,) N m constant in the body frame.
         substeps: Runge-Kutta steps in each dt; the error goes with the fourth power of the angle turned in one
@@ -101,9 +108,12 @@ def simulate(
     if norm < 1e-6:
         raise ValueError("attitude0 must be a quaternion of nonzero length")
     row["attitude"] = attitude / norm
+    if deflection0 is not None:
+        shape = (oscillator_count(satellite.oscillators),)
+        row["oscillators"]["deflection"] = real_array("deflection0", deflection0, shape)
     count, n = torque.shape
     if substeps is None:
-        substeps = max(_SUBSTEPS_MIN, math.ceil(_fastest(row, torque, dt) * dt / _ANGLE))
+        substeps = max(_SUBSTEPS_MIN, math.ceil(_fastest(satellite, row, torque, dt) * dt / _ANGLE))
     out = Trajectory(
         time=dt * np.arange(count + 1),
         omega=np.empty((count + 1, 3)),
@@ -112,20 +122,22 @@ def simulate(
         attitude=np.empty((count + 1, 4)),
         torque=np.empty((count, n)),
         inertia=np.empty((count + 1, 3, 3)),
+        deflection=np.empty((count + 1, oscillator_count(satellite.oscillators))),
     )
-    path = (out.momentum, out.omega, out.wheel_speed, out.attitude, out.inertia)
+    path = (out.momentum, out.omega, out.wheel_speed, out.attitude, out.inertia, out.deflection)
     kernels.simulate(rows, torque, dt, substeps, path, out.torque)
     return out
 
 
-def _fastest(row: np.void, torque: np.ndarray, dt: float) -> float:
-    """Upper bound of the body rate and of the nutation that stored momentum causes, rad/s.
+def _fastest(satellite: Satellite, row: np.void, torque: np.ndarray, dt: float) -> float:
+    """Upper bound of the body rate, of the nutation that stored momentum causes and of the oscillators, rad/s.
 
-    Both are at most (|M| + |A h|) / J_min, with the wheels at their limit or at what the torque can reach.
+    The first two are at most (|M| + |A h|) / J_min, with the wheels at their limit or at what the torque can reach.
     """
     start = np.linalg.norm(row["inertia"] @ row["rate"] + row["axes"] @ (row["wheel_inertia"] * row["wheel_speed"]))
     given = row["wheel_inertia"] * np.abs(row["wheel_speed"]) + dt * np.abs(torque).sum(axis=0)
     stored = np.minimum(given, row["wheel_inertia"] * row["wheel_speed_max"])
     carried = (row["axes"] * row["wheel_inertia"]) @ row["axes"].T
     least = np.linalg.eigvalsh(row["inertia"] - carried)[0]
-    return float((start + np.linalg.norm(np.abs(row["axes"]) @ stored)) / least)
+    turning = float((start + np.linalg.norm(np.abs(row["axes"]) @ stored)) / least)
+    return max(turning, fastest_oscillation(satellite.modes, satellite.inertia))

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from satid_gym.core import kernels
 from satid_gym.core.records import Criterion, InertiaMode, Templates, concatenate, task_dtype
-from satid_gym.core.truth.records import draw_dtype, plant_dtype
+from satid_gym.core.truth.records import draw_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.inertia import products_of_inertia
 from satid_gym.estimators.records import new_belief
 from satid_gym.faults import Faults
-from satid_gym.laws import INERTIA_MODES, TABLE, InertiaLaw, LawRanges
+from satid_gym.law_ranges import LawRanges
+from satid_gym.laws import INERTIA_MODES, MASS_MODES, TABLE, InertiaLaw
+from satid_gym.oscillators import Oscillator, oscillator_count
+from satid_gym.plants import new_plant
 from satid_gym.policy import Mission, missions
 from satid_gym.problem import Problem
 from satid_gym.reward import NUMBERS
-from satid_gym.satellite import Satellite, inertia_tensor
+from satid_gym.rigid_body import inertia_tensor
+from satid_gym.satellite import Satellite
+from satid_gym.sensors import Sensors
 
 
 @dataclass(frozen=True)
@@ -53,10 +58,13 @@ def _template(p: Problem, mission: Mission, inertia: np.ndarray | None, room: in
         p.check_parameters(f"the true inertia has products of inertia about the body axes, {found}")
     plants = new_plant(true, law, disturbance, room)
     plant = plants[0]
+    if isinstance(p.inertia, str) and p.inertia in MASS_MODES:
+        plant["law"] = InertiaMode[p.inertia.upper()]
     plant["torque_noise_std"] = scenario.torque_noise * operating.wheels.max_torque
     plant["torque_lag"] = scenario.torque_lag
     plant["gyro_noise_std"], plant["gyro_bias_walk"] = operating.gyro_noise_std, scenario.gyro_bias_walk
     plant["tachometer_noise_std"] = operating.tachometer_noise_std
+    _write_sampling(plant["sampling"], operating.sensors, scenario.sample_period)
     plant["gyro_outlier"] = scenario.faults.gyro_outlier
     plant["gyro_outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
     beliefs = new_belief(mission.prior, mission.estimator)
@@ -65,6 +73,14 @@ def _template(p: Problem, mission: Mission, inertia: np.ndarray | None, room: in
     if inertia is not None:
         draws["inertia_std"] = draws["tilt_std"] = 0.0
     return draws, plants, beliefs, tasks
+
+
+def _write_sampling(row: np.void, sensors: Sensors, period: float) -> None:
+    row["on"], row["period"] = sensors.are_timed, period
+    row["gyro_range"] = sensors.gyro_range or 0.0
+    row["pulse"] = 2.0 * np.pi / sensors.encoder_pulses if sensors.encoder_pulses is not None else 0.0
+    for name in ("gyro_integrates", "gyro_delay", "gyro_quantum", "tachometer_delay"):
+        row[name] = getattr(sensors, name)
 
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
@@ -88,8 +104,10 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
 
 def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:
     scenario = p.scenario
-    rows = np.zeros(1, draw_dtype(max(room, law.room if law is not None else 1)))
+    room = max(room, law.room if law is not None else 1)
+    rows = np.zeros(1, draw_dtype(room, oscillator_count(satellite.oscillators)))
     draw = rows[0]
+    _write_oscillator_draws(draw, satellite.oscillators)
     draw["inertia_std"], draw["tilt_std"] = scenario.inertia_std, scenario.tilt_std
     draw["wheel_speed_range"] = scenario.wheel_speed_range
     draw["rate_std"] = scenario.initial_rate_std * satellite.rate_limit
@@ -99,6 +117,8 @@ def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -
         modes = INERTIA_MODES if p.inertia == "random" else (p.inertia,)
         draw["law_probability"] = [(mode in modes) / len(modes) for mode in INERTIA_MODES]
         _write_ranges(draw, scenario.laws, scenario.horizon)
+        if isinstance(p.inertia, str) and p.inertia in MASS_MODES:
+            _write_mass_ranges(draw, scenario.laws, scenario.horizon, p.inertia)
     else:
         draw["law_probability"] = [mode == law.mode for mode in INERTIA_MODES]
         draw["law_size"], draw["law_time"] = law.size, law.time
@@ -129,76 +149,19 @@ def _write_ranges(draw: np.void, laws: LawRanges, horizon: float) -> None:
     draw["law_frequency"], draw["law_phase"] = laws.frequency, laws.phase
 
 
-def new_plant(
-    satellite: Satellite, law: InertiaLaw | None = None, disturbance: Disturbance | None = None, room: int = 1
-) -> np.ndarray:
-    """One row of truth at rest at time 0: the satellite as nominal, without noise; room for so many knots or more.
-
-    Raises:
-        ValueError: the law would make the inertia unphysical on its way.
-    """
-    wheels, law, disturbance = satellite.wheels, law or InertiaLaw("static"), disturbance or Disturbance()
-    rows = np.zeros(1, plant_dtype(wheels.count, max(room, law.room)))
-    row = rows[0]
-    row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia
-    row["torque_max"], row["wheel_speed_max"] = wheels.max_torque, wheels.max_speed
-    _write_law(row, law, satellite.inertia)
-    row["stepped"] = law.mode == "step" and law.time <= 0.0
-    _check_law(satellite, law, row["change"])
-    for name in ("solar_force", "solar_offset"):
-        row[name] = getattr(disturbance, name)
-    row["torque_constant"], row["torque_cosine"] = disturbance.constant, disturbance.cosine
-    row["torque_sine"] = disturbance.sine
-    row["orbit_rate"], row["gravity_gradient"] = disturbance.orbit_rate, disturbance.gravity_gradient
-    row["attitude"] = 0.0, 0.0, 0.0, 1.0
-    return rows
+def _write_mass_ranges(draw: np.void, laws: LawRanges, horizon: float, mode: str) -> None:
+    size = {"deployment": laws.deployment_size, "fuel": laws.fuel_size, "release": laws.release_size}
+    time = {"deployment": laws.deployment_time, "fuel": (1.0, 1.0), "release": laws.release_time}
+    draw["mass_size"], draw["law_duration"] = size[mode], laws.deployment_duration
+    draw["law_time"][:] = [horizon * x for x in time[mode]]
 
 
-def _write_law(row: np.void, law: InertiaLaw, inertia: np.ndarray) -> None:
-    row["inertia"], row["law"] = inertia, InertiaMode[law.mode.upper()]
-    row["law_time"], row["law_frequency"], row["law_phase"] = law.time, law.frequency, law.phase
-    if law.mode != TABLE:
-        row["change"] = law.size * inertia if law.change is None else law.change
-        return
-    changes = table_changes(law, inertia)
-    row["knots"] = count = len(changes)
-    row["knot_time"][:count] = law.times
-    row["knot_change"][:count] = changes[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-
-
-def table_changes(law: InertiaLaw, inertia: np.ndarray) -> np.ndarray:
-    """J(t) - J0 at the knots of a table, (K, 3, 3) kg m^2."""
-    assert law.values is not None
-    if law.relative:
-        return (law.values - 1.0)[:, None, None] * inertia
-    return law.changes
-
-
-def _check_law(satellite: Satellite, law: InertiaLaw, change: np.ndarray) -> None:
-    """The physical tensors are a convex cone, so the ends or knots of the law decide for all between."""
-    if law.times is not None:
-        for time, own in zip(law.times, table_changes(law, satellite.inertia), strict=True):
-            inertia_tensor(satellite.inertia + own, f"inertia of {satellite.name} at {time:g} s of its {law.label}")
-        return
-    factors = {"static": (), "step": (1.0,), "drift": (1.0,), "periodic": (-1.0, 1.0)}[law.mode]
-    for factor in factors:
-        inertia_tensor(satellite.inertia + factor * change, f"inertia of {satellite.name} at the end of its {law.mode}")
-
-
-def law_inertia(law: InertiaLaw, inertia: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """J(t) of a law.
-
-    Args:
-        law: the law.
-        inertia: (3,) or (3, 3) J0, kg m^2.
-        times: (N,) s.
-
-    Returns:
-        (N, 3, 3) kg m^2.
-    """
-    times = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    rows = np.zeros(1, plant_dtype(3, law.room))
-    _write_law(rows[0], law, inertia_tensor(inertia))
-    out = np.empty((len(times), 3, 3))
-    kernels.law_inertia(rows, times, out)
-    return out
+def _write_oscillator_draws(row: np.void, oscillators: Sequence[Oscillator]) -> None:
+    """Write how far the true oscillators may be off nominal to a record of `core.truth.records.draw_dtype`."""
+    i = 0
+    for o in oscillators:
+        for twin in [i] * o.count:
+            row["oscillator_mass"][i], row["oscillator_frequency"][i] = o.mass_std, o.frequency_std
+            row["oscillator_damping"][i], row["oscillator_twin"][i] = o.damping_std, twin
+            row["oscillator_deflection"][i] = o.deflection_std
+            i += 1

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from satid_gym.config import Config, check_number
+from satid_gym.core.sampling import UNKNOWN_DELAY_MAX
 
 _RELATIVE_MAX = 0.1  # beyond it the filter's first-order model of an error no longer holds
 
@@ -22,9 +23,10 @@ class Tolerances(Config):
         gyro_alignment: rad, of each axis of the gyro towards the two others.
         wheel_inertia: relative error of a rotor's spin inertia, by wheel.
         wheel_alignment: rad, of a spin axis in each of the two directions across it.
+        tachometer_delay: of the tachometers' delay, sample periods; it is drawn within three of it.
 
     Raises:
-        ValueError: one is negative, or a relative error or an angle is above 0.1.
+        ValueError: one is negative, a relative error or an angle is above 0.1, or the delay above 0.5.
     """
 
     gyro_bias: float = 0.0
@@ -32,11 +34,13 @@ class Tolerances(Config):
     gyro_alignment: float = 0.0
     wheel_inertia: float = 0.0
     wheel_alignment: float = 0.0
+    tachometer_delay: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_number("gyro_bias", self.gyro_bias)
-        for field in fields(self)[1:]:
+        check_number("tachometer_delay", self.tachometer_delay, high=UNKNOWN_DELAY_MAX)
+        for field in fields(self)[1:-1]:
             check_number(field.name, getattr(self, field.name), high=_RELATIVE_MAX)
 
     @property
@@ -50,13 +54,18 @@ class Tolerances(Config):
         return self.wheel_inertia > 0.0 or self.wheel_alignment > 0.0
 
     @property
-    def kinds(self) -> tuple[bool, bool, bool]:
-        """Which errors there are: of the gyro's bias, of its scale and alignment, of the wheels."""
-        return self.gyro_bias > 0.0, self.gyro_is_uncalibrated, self.wheels_are_uncalibrated
+    def kinds(self) -> tuple[bool, bool, bool, bool]:
+        """Which errors there are: of the gyro's bias, its scale and alignment, the tachometers' delay, the wheels."""
+        return (
+            self.gyro_bias > 0.0,
+            self.gyro_is_uncalibrated,
+            self.tachometer_delay > 0.0,
+            self.wheels_are_uncalibrated,
+        )
 
     def states(self, wheels: int) -> int:
         """Number of errors for so many wheels."""
-        return sum(size for size, on in zip((3, 9, 3 * wheels), self.kinds, strict=True) if on)
+        return sum(size for size, on in zip((3, 9, 1, 3 * wheels), self.kinds, strict=True) if on)
 
 
 def tolerances_of(value: object) -> Tolerances:

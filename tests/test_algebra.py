@@ -10,7 +10,7 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from satid_gym.core import algebra
-from satid_gym.satellite import inertia_tensor
+from satid_gym.rigid_body import inertia_tensor
 from tests.cases import cases
 
 SIZES = (3, 6)

@@ -271,7 +271,7 @@ def nees(policy, estimator, **settings):
 def test_rate_coordinates_stay_consistent_with_little_excitation(policy, settings, most):
     """Where errors of the momentum do not: there the estimates are pulled down and then believed."""
     assert nees(policy, {"name": "adaptive", "rate_coordinates": True}, **settings) < most
-    assert nees(policy, "adaptive", **settings) > 4.0
+    assert nees(policy, {"name": "adaptive", "rate_coordinates": False}, **settings) > 4.0
 
 
 @pytest.mark.compiled

@@ -20,7 +20,8 @@ from satid_gym.core.records import Rows, log_dtype, report_dtype
 from satid_gym.estimators import MomentumEKF
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.records import new_belief, new_work
-from satid_gym.laws import INERTIA_MODES, PAPER_LAWS
+from satid_gym.law_ranges import PAPER_LAWS
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
 from satid_gym.scenario import prior_of
 from satid_gym.templates import build_templates

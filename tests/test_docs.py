@@ -25,6 +25,8 @@ from agents.docs import tables
 from agents.docs.readme import ROOT
 from agents.training.ppo import PPOSettings
 from satid_gym import RewardSettings, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym.commands import lead
+from satid_gym.commands.main import parser
 from satid_gym.gym_api import INFO_KEYS, RESET_OPTIONS
 from satid_gym.problem import problem
 from tests.cases import case, cases
@@ -97,6 +99,12 @@ def test_own_satellite_and_estimator():
     assert max(errors.values()) < 0.01
 
 
+def test_a_flight_outside_the_environment():
+    left = example("04_fly_a_satellite_of_your_own.py")
+    assert left["pilot"].status.state == "over"
+    assert left["error"] < 0.001
+
+
 def test_every_example_is_shown_and_tested():
     files = [path.name for path in sorted((ROOT / "examples").glob("*.py"))]
     tested = inspect.getsource(sys.modules[__name__])
@@ -143,6 +151,15 @@ def extras(requirement):
     return re.findall(r"[\w-]+", requirement.partition("[")[2])
 
 
+def check_tests(path, *selection):
+    """A test file, and with `-k` a part of the name of a test in it."""
+    text = (ROOT / path).read_text()
+    if selection:
+        option, part = selection
+        assert option == "-k"
+        assert re.search(rf"^def test_\w*{part}", text, flags=re.M), f"{path} has no test named like {part}"
+
+
 def check_command(words, folder, monkeypatch):
     """A line of a page names a program, a module and options that there are; nothing is run."""
     if words[0].startswith("PYTHONPATH="):
@@ -154,6 +171,9 @@ def check_command(words, folder, monkeypatch):
     elif rest[:1] == ["install"] or rest[:3] == ["-m", "pip", "install"]:
         known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         assert set(itertools.chain.from_iterable(map(extras, rest))) <= set(known)
+    elif program == "satid":
+        if rest[0] not in lead.MODULES:  # those have the options of the checkout's commands
+            parser().parse_args(rest)
     elif program == "source":
         assert rest == [".venv/bin/activate"]
     elif program == "python" and rest[0] != "-m":
@@ -163,7 +183,7 @@ def check_command(words, folder, monkeypatch):
         module, arguments = rest[1], rest[2:]
         assert importlib.util.find_spec(module), f"there is no module {module}"
         if module == "pytest":
-            assert [path for path in arguments if (ROOT / path).exists()] == arguments
+            check_tests(*arguments)
         elif not has_options(module):
             assert not arguments, f"{module} takes no options"
         elif arguments:

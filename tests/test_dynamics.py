@@ -23,7 +23,7 @@ from satid_gym import (
     simulate,
 )
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.templates import law_inertia
+from satid_gym.plants import law_inertia
 from tests.cases import cases
 
 NO_TORQUE = Disturbance()

@@ -89,7 +89,7 @@ def test_coarse_sampling_does_not_cost_the_truth_its_momentum():
     assert np.linalg.norm(env.fleet.rows.plants["momentum"][0]) == pytest.approx(start, rel=1e-6)
 
 
-def test_read_only_and_strided_actions_do_not_compile_the_core_anew():
+def test_read_only_and_strided_actions_do_not_compile_the_core_again():
     from satid_gym.core import episode
 
     env = SatInertiaIDEnv()

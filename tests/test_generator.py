@@ -8,7 +8,7 @@ from scipy import stats
 
 from satid_gym import InertiaLaw, LawRanges, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.satellite import inertia_tensor
+from satid_gym.rigid_body import inertia_tensor
 from tests.cases import case, cases
 
 COUNT = 1000

@@ -68,7 +68,7 @@ LAWS = """
 import sys
 import numpy as np
 from satid_gym import InertiaLaw
-from satid_gym.templates import law_inertia
+from satid_gym.plants import law_inertia
 
 for knots in map(int, sys.argv[1:]):
     law = InertiaLaw("table", times=np.arange(knots), values=1.0 + np.arange(knots))

@@ -21,7 +21,7 @@ from satid_gym.estimators.least_squares import (
     momentum_form,
     output_error,
 )
-from satid_gym.satellite import inertia_tensor
+from satid_gym.rigid_body import inertia_tensor
 from satid_gym.scenario import prior_of
 from tests.cases import cases
 

@@ -24,7 +24,7 @@ from baselines.command.cli import exit_code
 from baselines.tuning import amplitudes, open_loop_design
 from satid_gym import SATELLITES, SCENARIOS, InertiaLaw, Satellite
 from satid_gym.evaluation import benchmark_scenario
-from satid_gym.laws import PAPER_LAWS
+from satid_gym.law_ranges import PAPER_LAWS
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.registry import PLANNERS
@@ -51,7 +51,7 @@ FLAT = Satellite("flat", [1.0, 1.1, 2.0], WHEELS)
 PLAIN = {"inertia": [2.0, 2.4, 1.8], "wheels": WHEELS}
 NUMBER = 3
 
-def slosh():
+def ringing():
     return InertiaLaw.sampled(lambda t: 1.0 + 0.01 * t / 30.0, horizon=30.0)
 
 def short():
@@ -104,16 +104,16 @@ def test_the_environment_takes_files_and_modules():
     for _ in range(12):
         *_, info = env.step(np.zeros(3, np.float32))
     np.testing.assert_allclose(info["inertia_true"], 1.05 * first["inertia_true"], rtol=1e-12)
-    both = satid_gym.SatInertiaIDVectorEnv(2, satellite=["crafts:TILTED", "microsat"], inertia="crafts:slosh")
+    both = satid_gym.SatInertiaIDVectorEnv(2, satellite=["crafts:TILTED", "microsat"], inertia="crafts:ringing")
     assert [s.name for s in both.problem.satellites] == ["tilted", "microsat"]
-    assert both.problem.inertia.label == "slosh"
+    assert both.problem.inertia.label == "ringing"
 
 
 def test_modules_hold_objects_mappings_and_functions():
     assert resolve_satellites("crafts:PLAIN")[0].name == "PLAIN"
     assert resolve_scenario("crafts:short").horizon == 20.0
-    law = resolve_inertia("crafts:slosh")
-    assert (law.mode, law.name, len(law.times)) == ("table", "slosh", 31)
+    law = resolve_inertia("crafts:ringing")
+    assert (law.mode, law.name, len(law.times)) == ("table", "ringing", 31)
 
 
 def test_a_scenario_file_starts_from_its_base(folder):

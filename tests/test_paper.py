@@ -20,8 +20,8 @@ from baselines.paper.world import prior, scenario
 from satid_gym import SATELLITES, simulate
 from satid_gym.laws import paper_law
 from satid_gym.metrics import relative_error
+from satid_gym.plants import law_inertia
 from satid_gym.profiles import PROFILES
-from satid_gym.templates import law_inertia
 from tests.cases import cases
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from satid_gym import InertiaLaw, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.laws import INERTIA_MODES, KNOTS_MAX
-from satid_gym.templates import law_inertia
+from satid_gym.plants import law_inertia
 from tests.cases import cases
 
 FUEL = InertiaLaw("table", times=(20.0, 60.0, 60.5, 200.0), values=(1.0, 0.9, 1.1, 1.0), name="fuel")
@@ -94,13 +94,13 @@ def test_a_law_goes_to_plain_values_and_back():
 def test_a_function_is_sampled_within_what_is_said():
     """Off by at most period^2 / 8 max|f''|, exact at the samples."""
 
-    def slosh(t):
+    def ringing(t):
         return 1.0 + 0.03 * np.sin(2.0 * np.pi * 0.02 * t)
 
     t = np.linspace(0.0, 300.0, 3001)
     for period in (1.0, 0.25):
-        law = InertiaLaw.sampled(slosh, horizon=300.0, period=period, name="slosh")
-        error = np.abs(law_inertia(law, np.ones(3), t)[:, 0, 0] - slosh(t)).max()
+        law = InertiaLaw.sampled(ringing, horizon=300.0, period=period, name="ringing")
+        error = np.abs(law_inertia(law, np.ones(3), t)[:, 0, 0] - ringing(t)).max()
         said = period**2 / 8.0 * 0.03 * (2.0 * np.pi * 0.02) ** 2
         assert 0.9 * said < error <= said * (1.0 + 1e-9)
     boom = InertiaLaw.sampled(lambda t: (0.01 * t, 0.0, 0.01 * t), horizon=10.0)

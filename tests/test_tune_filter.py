@@ -16,7 +16,7 @@ from satid_gym.policies.registry import make_baseline
 
 
 @pytest.mark.compiled
-def test_readings_filtered_anew_give_what_the_environments_filter_gave():
+def test_readings_filtered_again_give_what_the_environments_filter_gave():
     flown = record(
         make_baseline("rate_square", "microsat"),
         satellite="microsat",

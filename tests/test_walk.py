@@ -141,11 +141,11 @@ def test_it_finds_the_walk_of_a_truth_that_walks(walk):
 
 @pytest.mark.compiled
 def test_it_finds_what_holds(microsat):
-    """Static: hardly a walk; slosh: a fast one; a step: once, within a second, and the walk it had before."""
-    static, slosh, step = (walks(AdaptiveEKF(), fly(microsat, mode)) for mode in ("static", "periodic", "step"))
+    """Static: hardly a walk; periodic: a fast one; a step: once, within a second, and the walk it had before."""
+    static, periodic, step = (walks(AdaptiveEKF(), fly(microsat, mode)) for mode in ("static", "periodic", "step"))
     assert static[0][-60 * SECOND :].max() < 1e-4
-    assert 1e-3 < np.median(slosh[0][-60 * SECOND :]) < 1e-2
-    assert static[1][-1] == slosh[1][-1] == 0
+    assert 1e-3 < np.median(periodic[0][-60 * SECOND :]) < 1e-2
+    assert static[1][-1] == periodic[1][-1] == 0
     at = 150 * SECOND
     assert step[1][at - SECOND] == 0
     assert step[1][at + SECOND] == step[1][-1] == 1
@@ -296,7 +296,7 @@ def test_planners_are_told_of_a_plugged_in_filter_of_the_library(own):
 
 
 def test_an_inertia_that_walks_faster_than_most_walk_is_followed_once_that_is_raised(microsat):
-    """Slosh of 30 % at 0.2 Hz: the cap of 0.02 per sqrt(s) leaves the filter too sure of itself, 0.2 does not."""
+    """Periodic, 30 % at 0.2 Hz: the cap of 0.02 per sqrt(s) leaves the filter too sure of itself, 0.2 does not."""
     law = InertiaLaw("periodic", size=0.3, frequency=0.2)
     nees = {}
     for most in (0.02, 0.2):

@@ -1,4 +1,4 @@
-"""Table of the filter's consistency for the pages, from docs/results/consistency.json."""
+"""Tables of the filter's consistency for the pages, from docs/results/consistency.json."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from baselines.command.markdown import table
+from baselines.studies.worlds import WORLDS
 
 _GROUPS = {  # policies by how much they excite the body
     "rate_square": ("rate_square",),
@@ -20,22 +21,51 @@ def _shown(nees: float) -> str:
     return f"{nees:.2f}" if nees < 100.0 else f"{nees:.0e}".replace("e+0", "e")
 
 
-def consistency_table(results: Mapping[str, Any]) -> str:
-    """Final error of the first group and NEES of each, over satellites and inertia modes, world by world."""
+def _span(values: Sequence[float]) -> str:
+    return f"{_shown(min(values))} to {_shown(max(values))}"
+
+
+def _errors(cells: Sequence[Cell]) -> str:
+    errors = [100.0 * cell["final_error"] for cell in cells]
+    return f"{min(errors):.2g} to {max(errors):.2g}"
+
+
+def _by_world(results: Mapping[str, Any], topic: str) -> dict[str, list[Cell]]:
+    """Cells by world, of those of a topic."""
     cells: Sequence[Cell] = results["cells"]
-    rows = []
-    for world in dict.fromkeys(cell["world"] for cell in cells):
-        own = [cell for cell in cells if cell["world"] == world]
+    names = [w for w in dict.fromkeys(cell["world"] for cell in cells) if WORLDS[w].topic == topic]
+    return {name: [cell for cell in cells if cell["world"] == name] for name in names}
+
+
+def _flown(results: Mapping[str, Any], worlds: Mapping[str, Sequence[Cell]]) -> str:
+    """What was flown, below a table."""
+    own = {cell.get("revision", results["revision"])[:7] for cells in worlds.values() for cell in cells}
+    return f"\n\n{results['settings']['episodes']} validation episodes a cell; revision {', '.join(sorted(own))}."
+
+
+def consistency_table(results: Mapping[str, Any], topic: str = "calibration") -> str:
+    """Final error of the first group and NEES of each, over satellites and inertia modes, world by world."""
+    worlds, rows = _by_world(results, topic), []
+    for world, own in worlds.items():
         groups = [[cell for cell in own if cell["policy"] in policies] for policies in _GROUPS.values()]
-        errors = [100.0 * cell["final_error"] for cell in groups[0]]
-        nees = [[cell["nees"] for cell in group] for group in groups]
-        rows.append(
-            [
-                world,
-                f"{min(errors):.2g} to {max(errors):.2g}",
-                *(f"{_shown(min(values))} to {_shown(max(values))}" for values in nees),
-            ]
-        )
+        rows.append([world, _errors(groups[0]), *(_span([cell["nees"] for cell in cells]) for cells in groups)])
     head = ["world", "rate_square: error, %", *(f"{name}: NEES" for name in _GROUPS)]
-    revision = f"{results['settings']['episodes']} validation episodes a cell; revision {results['revision'][:7]}."
-    return table(head, rows, text_columns=1) + f"\n\n{revision}"
+    return table(head, rows, text_columns=1) + _flown(results, worlds)
+
+
+def timing_table(results: Mapping[str, Any]) -> str:
+    """The same for sensors that are late, average or count, with cells in which the inertia steps by themselves.
+
+    Of those the median over episodes: the mean is that of the few in which a decision ends before a late filter has
+    seen the step.
+    """
+    worlds, rows = _by_world(results, "timing"), []
+    for world, own in worlds.items():
+        square = [cell for cell in own if cell["policy"] == "rate_square"]
+        smooth = [[c for c in own if c["policy"] in p and c["inertia"] != "step"] for p in _GROUPS.values()]
+        stepped = [cell for cell in square if cell["inertia"] == "step"]
+        medians, means = _span([c["nees_median"] for c in stepped]), _span([c["nees"] for c in stepped])
+        rows.append([world, _errors(square), *(_span([c["nees"] for c in cells]) for cells in smooth), medians, means])
+    head = ["world", "rate_square: error, %", *(f"{name}: NEES" for name in _GROUPS)]
+    head += ["rate_square, step: median NEES", "mean NEES"]
+    return table(head, rows, text_columns=1) + _flown(results, worlds)

@@ -7,6 +7,7 @@ faults.csv.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -14,7 +15,7 @@ import docstring_parser
 import numpy as np
 
 from agents.docs import faults_table
-from agents.docs.consistency_table import consistency_table
+from agents.docs.consistency_table import consistency_table, timing_table
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
 from agents.docs.results_tables import (
@@ -34,10 +35,11 @@ from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.faults import Faults
 from satid_gym.files import read_json, write_text
-from satid_gym.laws import PAPER_LAWS, LawRanges
+from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.sensors import Sensors
 from satid_gym.tolerances import Tolerances
 
 SOURCE = "agents.docs.tables"
@@ -114,7 +116,12 @@ def laws() -> str:
     """Ranges of the inertia laws: randomised, and the paper's."""
     said, drawn = meanings(LawRanges), LawRanges()
     rows = [
-        [f"`{name}`", shown(getattr(drawn, name)), f"{getattr(PAPER_LAWS, name)[0]:g}", said[name]]
+        [
+            f"`{name}`",
+            shown(own := getattr(drawn, name)),
+            "" if own == (of := getattr(PAPER_LAWS, name)) else f"{of[0]:g}",
+            said[name],
+        ]
         for name in _names(LawRanges)
     ]
     ranged = ", ".join(name for name, scenario in SCENARIOS.items() if scenario.laws == drawn)
@@ -160,11 +167,11 @@ def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
     return lambda: write(read_json(RESULTS / "compare.json", REMEDY, keys=keys))
 
 
-def consistency() -> str:
-    """Consistency of the filter, from the committed study."""
+def consistency(write: Callable[[Mapping[str, Any]], str]) -> str:
+    """A table of the filter's consistency, from the committed study."""
     keys = ("cells", "settings", "revision")
     remedy = "run python -m baselines.studies.consistency --output docs/results/consistency.json"
-    return consistency_table(read_json(RESULTS / "consistency.json", remedy, keys=keys))
+    return write(read_json(RESULTS / "consistency.json", remedy, keys=keys))
 
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
@@ -182,7 +189,12 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "limits.md": {"shares": compared(share_table)},
     "faults.md": {"study": faults_table.short_table},
-    "calibration.md": {"tolerances": lambda: settings(Tolerances), "consistency": consistency},
+    "calibration.md": {
+        "tolerances": lambda: settings(Tolerances),
+        "consistency": lambda: consistency(consistency_table),
+    },
+    "flexible.md": {"flexible": lambda: consistency(functools.partial(consistency_table, topic="flexible"))},
+    "sensors.md": {"sensors": lambda: settings(Sensors), "timing": lambda: consistency(timing_table)},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

@@ -14,11 +14,11 @@ from baselines.command.options import ScenarioText
 from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
-from satid_gym.laws import INERTIA_MODES
+from satid_gym.laws import INERTIA_MODES, MASS_MODES
 from satid_gym.policy import Policy, includes_covariance, missions
 from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
 
-_MODES = ("random", *INERTIA_MODES)
+_MODES = ("random", *INERTIA_MODES, *MASS_MODES)
 
 
 class Rollout:
@@ -99,8 +99,8 @@ class Pairing:
     satellite: str = "microsat"
     """Satellite to fly: a name, a .json or .toml file, or module:name (runs the module's code)."""
     inertia: str = "step"
-    """Variation of its inertia: static, step, drift, periodic, random, a law as a .json, .toml or .csv file, or
-    module:name (runs the module's code)."""
+    """Variation of its inertia: static, step, drift, periodic, random, deployment, fuel, release, a law as a .json,
+    .toml or .csv file, or module:name (runs the module's code)."""
     scenario: ScenarioText = "default"
     """Scenario: a name, a .json or .toml file, or module:name (runs the module's code)."""
     horizon: float = 300.0

@@ -16,8 +16,8 @@ from baselines.paper.summary import MODES, CellScore, Check
 from baselines.paper.tables import condition_table, dynamic_table, number, record_table, static_table
 from baselines.paper.world import prior, scenario
 from satid_gym.laws import paper_law
+from satid_gym.plants import law_inertia
 from satid_gym.satellite import BENCHMARK_SATELLITES
-from satid_gym.templates import law_inertia
 
 
 def page(

@@ -16,9 +16,9 @@ from satid_gym import metrics
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.evaluation import seeds
 from satid_gym.laws import INERTIA_MODES, InertiaMode, paper_law
+from satid_gym.plants import law_inertia
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import BENCHMARK_SATELLITES
-from satid_gym.templates import law_inertia
 
 PLANTS = ("varying", "constant")
 HORIZON = 300.0  # s, of the tables

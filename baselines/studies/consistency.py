@@ -1,13 +1,14 @@
 """Consistency of the filter with sensors and wheels off nominal: `python -m baselines.studies.consistency`.
 
-Flies policies in worlds whose data sheet tells of an error, or where little excites the body, and prints final error
-and NEES: the mean normalised estimation error squared per degree of freedom, over episodes and time, of which a
-consistent filter has about 1. With --no-calibrate the same flights are estimated as if everything were nominal.
+Flies policies in worlds whose data sheet tells of an error or of friction, where little excites the body, and in others
+of sampling, size and horizon, and prints final error and NEES: the mean normalised estimation error squared per degree
+of freedom, over episodes and time, of which a consistent filter has about 1. With --no-calibrate the same flights are
+estimated as if everything were nominal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,36 +18,14 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
+from baselines.studies.worlds import WORLDS, policy_for
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import fly, seeds
-from satid_gym.files import check_writable, write_json
-from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.registry import BASELINES, make_baseline
-from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
+from satid_gym.files import check_writable, read_json, write_json
+from satid_gym.laws import INERTIA_MODES, MASS_MODES
+from satid_gym.policies.registry import BASELINES
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
-from satid_gym.tolerances import Tolerances
-
-WORLDS: Mapping[str, Mapping[str, Any]] = {
-    "as nominal": {},
-    "gyro bias 2e-5 rad/s": {"tolerances": Tolerances(gyro_bias=2e-5)},
-    "gyro bias 1e-4 rad/s": {"tolerances": Tolerances(gyro_bias=1e-4)},
-    "gyro bias 1e-3 rad/s": {"tolerances": Tolerances(gyro_bias=1e-3)},
-    "gyro scale 0.1 %": {"tolerances": Tolerances(gyro_scale=1e-3)},
-    "gyro scale 1 %": {"tolerances": Tolerances(gyro_scale=1e-2)},
-    "gyro alignment 3 mrad": {"tolerances": Tolerances(gyro_alignment=3e-3)},
-    "rotor inertia 0.1 %": {"tolerances": Tolerances(wheel_inertia=1e-3)},
-    "rotor inertia 1 %": {"tolerances": Tolerances(wheel_inertia=1e-2)},
-    "wheel axes 1 mrad": {"tolerances": Tolerances(wheel_alignment=1e-3)},
-    "wheel axes 5 mrad": {"tolerances": Tolerances(wheel_alignment=5e-3)},
-    "all small errors": {
-        "tolerances": Tolerances(
-            gyro_bias=1e-4, gyro_scale=1e-3, gyro_alignment=1e-3, wheel_inertia=1e-3, wheel_alignment=1e-3
-        )
-    },
-    "no torque noise": {"torque_noise": 0.0},
-    "gyro noise 1e-3 rad/s": {"gyro_noise_std": 1e-3},
-}
-"""Worlds that are flown, by name: what differs from scenario "default"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +37,7 @@ class ConsistencyStudy:
     worlds: tuple[str, ...] = tuple(WORLDS)
     """Worlds to fly in."""
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
-    """Satellites to fly."""
+    """Satellites to fly, in worlds that have none of their own."""
     inertias: tuple[str, ...] = INERTIA_MODES
     """Inertia modes."""
     tilt: float = 0.0
@@ -67,10 +46,16 @@ class ConsistencyStudy:
     """Filter: adaptive or momentum."""
     calibrate: bool = True
     """Whether the filter estimates the errors too."""
-    rate_coordinates: bool = False
-    """Whether its updates are made in errors of the rate also where it estimates no errors."""
+    flexible: bool = True
+    """Whether the filter estimates the modes of panels and slosh masses."""
+    announced: bool = True
+    """Whether the filter is told when a deployment or a release is commanded."""
+    rate_coordinates: bool | None = None
+    """Whether updates are in errors of the rate where it estimates no errors; None: where the motors shake little."""
     episodes: int = 100
     """Episodes of a cell, validation seeds."""
+    merge: bool = False
+    """Whether the file's other cells stay in it."""
     output: Path = Path("results/consistency.json")
     """File to write."""
 
@@ -83,40 +68,66 @@ class ConsistencyStudy:
         check_names("policy", self.policies, list(BASELINES))
         check_names("world", self.worlds, WORLDS)
         check_names("satellite", self.satellites, SATELLITES)
-        check_names("inertia mode", self.inertias, INERTIA_MODES)
+        check_names("inertia mode", self.inertias, (*INERTIA_MODES, *MASS_MODES))
         check_names("estimator", (self.estimator,), ["adaptive", "momentum"])
         check_integer("episodes", self.episodes)
         self.world("as nominal")
 
     def world(self, name: str) -> Scenario:
         """Scenario of a world."""
-        return Scenario(tilt_std=self.tilt, **WORLDS[name])
+        return Scenario(tilt_std=self.tilt, **WORLDS[name].scenario)
+
+    def satellites_of(self, world: str) -> tuple[Satellite, ...]:
+        """Satellites that fly in a world."""
+        return WORLDS[world].satellites or tuple(SATELLITES[name] for name in self.satellites)
 
 
-def cell(study: ConsistencyStudy, world: str, satellite: str, inertia: str, policy: str) -> dict[str, Any]:
-    """Scores of one cell: mean final error, mean NEES and its 95 % quantile over episodes, time outside."""
+def cell(study: ConsistencyStudy, world: str, policy: str, satellite: Satellite, inertia: str) -> dict[str, Any]:
+    """Scores of one cell: mean final error, mean NEES, its median and its 95 % quantile over episodes, time outside."""
+    scenario = study.world(world)
     scores = fly(
-        make_baseline(policy, satellite),
+        policy_for(policy, satellite, scenario),
         satellite=satellite,
         inertia=inertia,
         seeds=seeds("validation", study.episodes),
-        scenario=study.world(world),
+        scenario=scenario,
         estimator={
             "name": study.estimator,
             "calibrate": study.calibrate,
+            "flexible": study.flexible,
             "rate_coordinates": study.rate_coordinates,
+            "announced": study.announced,
         },
     ).scores()
     return {
         "world": world,
-        "satellite": satellite,
+        "satellite": satellite.name,
         "inertia": inertia,
         "policy": policy,
         "final_error": float(scores["final_error"].mean()),
         "nees": float(scores["nees"].mean()),
+        "nees_median": float(np.median(scores["nees"])),
         "nees_worst": float(np.quantile(scores["nees"], 0.95)),
         "outside": float(scores["outside_fraction"].mean()),
     }
+
+
+def kept_cells(study: ConsistencyStudy, flown: set[tuple[str, ...]]) -> list[dict[str, Any]]:
+    """Cells of the study's file that are not among those flown, each with the revision that flew it.
+
+    Raises:
+        ValueError: the file is not that of a study of as many episodes.
+    """
+    remedy = "leave --merge out"
+    old = read_json(study.output, remedy, keys=("revision", "settings", "cells"))
+    if old["settings"]["episodes"] != study.episodes:
+        raise ValueError(f"{study.output} has {old['settings']['episodes']} episodes a cell: {remedy}")
+    for name in ("tilt", "estimator", "calibrate", "flexible", "announced", "rate_coordinates"):
+        own = getattr(study, name)
+        if old["settings"].get(name, own) != own:
+            raise ValueError(f"{study.output} was flown with {name} = {old['settings'][name]}: {remedy}")
+    cells = [{"revision": old["revision"], **own} for own in old["cells"]]
+    return [own for own in cells if (own["world"], own["satellite"], own["inertia"], own["policy"]) not in flown]
 
 
 def show(rows: list[dict[str, Any]]) -> None:
@@ -133,18 +144,22 @@ def show(rows: list[dict[str, Any]]) -> None:
 def main(study: ConsistencyStudy) -> int:
     """Fly the study of the command line; returns the exit code."""
     check_writable(study.output.parent)
-    cells = [
-        (world, satellite, inertia, policy)
+    chosen = [
+        (world, policy, satellite, inertia)
         for world in study.worlds
         for policy in study.policies
-        for satellite in study.satellites
+        for satellite in study.satellites_of(world)
         for inertia in study.inertias
     ]
-    rows = [cell(study, *own) for own in tqdm(cells, desc="consistency", unit="cell")]
+    places = {(world, satellite.name, inertia, policy) for world, policy, satellite, inertia in chosen}
+    kept = kept_cells(study, places) if study.merge else []
+    rows = [cell(study, *own) for own in tqdm(chosen, desc="consistency", unit="cell")]
+    cells = [*kept, *rows]
+    flown = dataclasses.replace(study, worlds=tuple(dict.fromkeys(own["world"] for own in cells)))
     head = result_head(
-        "baselines.studies.consistency", study, split="validation", seeds=seeds("validation", study.episodes)
+        "baselines.studies.consistency", flown, split="validation", seeds=seeds("validation", study.episodes)
     )
-    write_json(study.output, {**head, "cells": rows})
+    write_json(study.output, {**head, "cells": cells})
     show(rows)
     return 0
 

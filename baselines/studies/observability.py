@@ -37,7 +37,7 @@ from satid_gym.estimators.least_squares import NotIdentifiedError, differentiate
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_bytes, write_json
-from satid_gym.laws import PAPER_LAWS
+from satid_gym.law_ranges import PAPER_LAWS
 from satid_gym.metrics import FINAL_FRACTION, relative_error
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario, prior_of

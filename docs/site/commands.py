@@ -16,7 +16,7 @@ import griffe
 ROOT = Path(__file__).parents[2]
 PAGE = "api/commands.md"
 PACKAGES = ("agents", "baselines", "satid_gym")
-_OPTIONS = re.compile(r"^def main\(\w+: (\w+)", flags=re.MULTILINE)
+_OPTIONS = re.compile(r"^def main\(\w+: (\w+)[,)]", flags=re.MULTILINE)
 _PARSER = re.compile(r"ArgumentParser\(|^if __name__ ==", flags=re.MULTILINE)
 _FACE = re.compile(r"^from ([\w.]+) import main$", flags=re.MULTILINE)
 

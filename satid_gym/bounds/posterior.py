@@ -18,13 +18,15 @@ import numpy as np
 
 from satid_gym.bounds.motion import TrueMotion
 from satid_gym.core.algebra import add_diagonal, congruence, inverse, load, load_symmetric, store_symmetric
-from satid_gym.core.belief import momentum_filter, momentum_model
+from satid_gym.core.belief import momentum_filter, momentum_model, momentum_start
 from satid_gym.core.belief.kalman import estimated_inertia, update, write_times_regressor
 from satid_gym.core.jit import inline, kernel
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior, estimated_parameters
 from satid_gym.estimators.records import new_belief, new_work
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
 
 
 def posterior_bound(
@@ -32,7 +34,8 @@ def posterior_bound(
 ) -> np.ndarray:
     """Bound on theta's covariance (N, T, p, p) of each episode, kg^2 m^4.
 
-    Sensors and wheels are taken as nominal: where they are not, no filter reaches it.
+    Sensors and wheels are taken as nominal: where they are not, no filter reaches it. So is the body
+    as rigid: of one with oscillators, whose momentum is in the motion's, it is no bound.
 
     Args:
         motion: the truth.
@@ -48,7 +51,8 @@ def posterior_bound(
     parameters = estimated_parameters(settings.parameters, prior)
     theta = inertia_parameters(motion.inertia, parameters)
     growth = growth_factors(theta, law_known)
-    belief = new_belief(prior, settings.replace(calibrate=False, rate_coordinates=False))
+    prior = prior.replace(gyro_noise_std=prior.reading_std, sensors=Sensors(), tolerances=Tolerances())
+    belief = new_belief(prior, settings.replace(calibrate=False, flexible=False, rate_coordinates=False))
     out = np.empty((*theta.shape, theta.shape[2]))
     series = (motion.momentum, motion.rate, motion.wheel_speed, motion.torque, theta, growth)
     bound_many(belief, new_work(belief), _Series(*map(np.ascontiguousarray, series)), dt, out)
@@ -114,7 +118,7 @@ def bound_many(beliefs, work, series, dt, out):
     belief, theta, p = beliefs[0], series.theta, series.theta.shape[2]
     for i in range(theta.shape[0]):
         belief.prior_theta[:] = theta[i, 0]
-        momentum_filter.start(belief, work[0], series.rate[i, 0], series.wheel_speed[i, 0])
+        momentum_start.start(belief, work[0], series.rate[i, 0], series.wheel_speed[i, 0])
         out[i, 0] = belief.covariance[3 : 3 + p, 3 : 3 + p]
         for k in range(1, theta.shape[1]):
             belief.mean[:3], belief.mean[3 + p :] = series.momentum[i, k - 1], series.torque[i, k - 1]

@@ -19,7 +19,7 @@ from satid_gym.core.algebra import (
     store,
     subtract,
 )
-from satid_gym.core.belief import momentum_filter
+from satid_gym.core.belief import momentum_filter, momentum_start
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.records import Criterion
@@ -176,7 +176,7 @@ def follow(first, beliefs, seen, world, scratch):
     for i in range(beliefs.shape[0]):
         belief = beliefs[i]
         if first:
-            momentum_filter.start(belief, work, seen.after[i], seen.wheel_speed[i])
+            momentum_start.start(belief, work, seen.after[i], seen.wheel_speed[i])
         else:
             before = load(seen.before[i])
             inertia, change = estimated_inertia(belief), subtract(load(seen.after[i]), before)

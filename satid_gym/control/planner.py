@@ -21,6 +21,8 @@ from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.records import new_belief, new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.policy import Mission
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
 
 PLANNING_MARGIN = 2.75  # of the rate loop, standard deviations, where no tuning has found a better one
 ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an adaptive one; of 0.0003 to 0.004 on tuning seeds
@@ -60,12 +62,15 @@ class Planner:
         settings = MomentumEKFSettings(
             parameters=self._parameters,
             inertia_walk=planning_walk(mission.estimator, walk),
-            calibrate=False,  # a plan takes sensors and wheels as nominal
+            calibrate=False,  # a plan takes sensors and wheels as nominal,
+            flexible=False,  # and the body as rigid
         )
         averaged = np.sqrt(scenario.sample_period / step)  # noise of a step's mean over a reading's
         prior = mission.prior.replace(
-            gyro_noise_std=mission.prior.gyro_noise_std * averaged,
+            gyro_noise_std=mission.prior.reading_std * averaged,
             tachometer_noise_std=mission.prior.tachometer_noise_std * averaged,
+            sensors=Sensors(),  # nor does it wait for a reading
+            tolerances=Tolerances(),
         )
         self.beliefs = np.repeat(new_belief(prior, settings), episodes)
         constants = self.constants

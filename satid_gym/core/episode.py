@@ -7,23 +7,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy_symmetric, frobenius_square, mahalanobis, store, store_symmetric
-from satid_gym.core.belief import filters
-from satid_gym.core.belief.kalman import estimated_inertia, factor_theta, theta_covariance
+from satid_gym.core.algebra import axpy_symmetric, frobenius_square, mahalanobis, store_symmetric
+from satid_gym.core.belief import announcement, filters
+from satid_gym.core.belief.kalman import estimated_inertia, factor_theta
 from satid_gym.core.jit import inline, kernel, outline
+from satid_gym.core.log import log_sample
 from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
 from satid_gym.core.records import Autoreset
 from satid_gym.core.reward import reward, saturated_share, uncertainty_nats
 from satid_gym.core.truth import faults
-from satid_gym.core.truth.disturbance import external_torque, orbit_phase
 from satid_gym.core.truth.draw import draw_plant
 from satid_gym.core.truth.dynamics import spin_momentum
-from satid_gym.core.truth.inertia_law import inertia_at
+from satid_gym.core.truth.inertia_law import announced_share, inertia_at, is_released, moves_mass
 from satid_gym.core.truth.integrator import advance
 from satid_gym.core.truth.random_walk import walk_as_modelled, walk_gyro_bias
+from satid_gym.core.truth.sampling import advance_sampled
 from satid_gym.core.truth.sensors import drive_motors, read_sensors
-from satid_gym.core.truth.state import load_state
+from satid_gym.core.truth.speed_limit import is_in_avoided_band
 
 _NEXT_STEP, _SAME_STEP, _BEGIN = int(Autoreset.NEXT_STEP), int(Autoreset.SAME_STEP), int(Autoreset.BEGIN)
 
@@ -41,11 +42,13 @@ def command(plant, task, work, report, action):
         report.spin_start[k] = spin_momentum(plant, k)
     report.effort = effort
     report.information_gain = 0.0
-    report.outside = 0.0
+    report.outside = report.in_avoided_band = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):
         report.peak_rate[i] = 0.0
+    for k in range(report.deflection.shape[0]):
+        report.deflection[k] = 0.0
 
 
 @outline
@@ -60,7 +63,10 @@ def sample(plant, task, work, report):
     else:
         drive_motors(plant, work.torque, dt)
     end = (np.round(plant.time / dt) + 1.0) * dt  # so that rounding does not pile up
-    advance(plant, plant.motor_torque, end - plant.time)
+    if plant.sampling.on != 0:
+        advance_sampled(plant, plant.motor_torque, end)
+    else:
+        advance(plant, plant.motor_torque, end - plant.time)
     plant.time = end
     walk_gyro_bias(plant, dt)
     read_sensors(plant)
@@ -69,10 +75,21 @@ def sample(plant, task, work, report):
         outside = outside or abs(plant.rate[i]) > task.rate_limit
     if outside:
         report.outside += 1.0
+    if is_in_avoided_band(plant):
+        report.in_avoided_band += 1.0
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])
+    for k in range(report.deflection.shape[0]):
+        report.deflection[k] = max(report.deflection[k], abs(plant.oscillators.deflection[k]))
     if plant.faulty != 0:
         faults.note_sensors(plant, report)
+
+
+@inline
+def announce(plant, belief, task):
+    """Tell the filter what share of a deployment or release came in the last sample."""
+    if moves_mass(plant):
+        announcement.tell(belief, announced_share(plant, task.sample_period), 1 if is_released(plant) else 0)
 
 
 @inline
@@ -120,9 +137,11 @@ def conclude(plant, belief, task, work, report, observation):
     task.decision += 1
     duration = task.sample_period * task.samples
     for k in range(plant.locked.shape[0]):
-        mean, limit = (spin_momentum(plant, k) - report.spin_start[k]) / duration, plant.torque_max[k]
+        mean = (spin_momentum(plant, k) - report.spin_start[k]) / duration
+        limit = plant.torque_max[k] if plant.rubs == 0 else np.inf
         report.torque_applied[k] = min(max(mean, -limit), limit)  # what exceeds it is rounding
     report.outside /= task.samples
+    report.in_avoided_band /= task.samples
     report.cost = max(report.outside, saturated_share(report))
     report.information_held = -uncertainty_nats(belief, work, task.criterion)
     report.reward = reward(task, report)
@@ -132,25 +151,6 @@ def conclude(plant, belief, task, work, report, observation):
     task.over = max(report.terminated, report.truncated)
     assess(plant, belief, work, report)
     observe(belief, task, plant.gyro, plant.tachometer, observation)
-
-
-@outline
-def log_sample(log, plant, belief):
-    """Write the present sample in full to a record of `log_dtype`."""
-    log.time, log.momentum[:], log.rate[:], log.wheel_speed[:] = (
-        plant.time,
-        plant.momentum,
-        plant.rate,
-        plant.wheel_speed,
-    )
-    log.attitude[:], log.gyro[:], log.tachometer[:] = plant.attitude, plant.gyro, plant.tachometer
-    inertia = inertia_at(plant, plant.time)
-    store_symmetric(log.inertia, inertia)
-    store(log.torque, external_torque(plant, orbit_phase(plant, plant.time), load_state(plant)[1], inertia))
-    for a in range(log.theta.shape[0]):
-        log.theta[a] = belief.mean[3 + a]
-        for b in range(log.theta.shape[0]):
-            log.covariance[a, b] = theta_covariance(belief, a, b)
 
 
 @inline
@@ -163,6 +163,7 @@ def decide(rows, i, action, work):
         sample(plant, task, work, report)
         if step == 0:
             first = uncertainty_nats(belief, work, task.criterion)
+        announce(plant, belief, task)
         filters.predict(belief, work, plant.tachometer, task.sample_period)
         before = uncertainty_nats(belief, work, task.criterion)
         report.nis = take_reading(plant, belief, work)
@@ -196,10 +197,12 @@ def begin(rows, i, templates, work):
         report.torque_applied[k] = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
+    for k in range(report.deflection.shape[0]):
+        report.deflection[k] = abs(plant.oscillators.deflection[k])
     report.reward = 0.0
     report.terminated = report.truncated = 0
     report.nis = report.information_gain = report.information_held = report.effort = 0.0
-    report.outside = report.cost = 0.0
+    report.outside = report.in_avoided_band = report.cost = 0.0
     if rows.logs.shape[1] > 0:
         log_sample(rows.logs[i, 0], plant, belief)
     assess(plant, belief, work, report)

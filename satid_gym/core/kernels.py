@@ -5,6 +5,8 @@ Those that take `rows` or `beliefs` work on row 0.
 
 from __future__ import annotations
 
+import numpy as np
+
 from satid_gym.core import episode, reward
 from satid_gym.core.algebra import store_symmetric
 from satid_gym.core.belief import filters
@@ -18,11 +20,11 @@ from satid_gym.core.truth.integrator import integrate
 def simulate(plants, torque, dt, substeps, path, applied):
     """Fly `torque` (N, n), each held dt seconds, from the rate and wheel speed in the plant.
 
-    N + 1 states go to `path`, a tuple (momentum, rate, wheel speed, attitude, inertia) of arrays; the mean motor torque
-    of each interval to `applied` (N, n).
+    N + 1 states go to `path`, a tuple (momentum, rate, wheel speed, attitude, inertia, deflection) of arrays; the mean
+    motor torque of each interval to `applied` (N, n).
     """
     plant = plants[0]
-    momentum, rate, wheel_speed, attitude, inertia = path
+    momentum, rate, wheel_speed, attitude, inertia, deflection = path
     set_momenta(plant)
     set_speeds(plant)
     for i in range(torque.shape[0] + 1):
@@ -30,6 +32,7 @@ def simulate(plants, torque, dt, substeps, path, applied):
         rate[i] = plant.rate
         wheel_speed[i] = plant.wheel_speed
         attitude[i] = plant.attitude
+        deflection[i] = plant.oscillators.deflection
         store_symmetric(inertia[i], inertia_at(plant, plant.time))
         if i == torque.shape[0]:
             break
@@ -42,7 +45,8 @@ def simulate(plants, torque, dt, substeps, path, applied):
             # the end of each substep is computed from the start, so that no rounding piles up
             integrate(plant, plant.motor_torque, start + (s + 1) * dt / substeps - plant.time)
         for k in range(torque.shape[1]):
-            mean, limit = (applied[i, k] + spin_momentum(plant, k)) / dt, plant.torque_max[k]
+            mean = (applied[i, k] + spin_momentum(plant, k)) / dt
+            limit = plant.torque_max[k] if plant.rubs == 0 else np.inf
             applied[i, k] = min(max(mean, -limit), limit)  # what exceeds it is rounding
 
 
@@ -101,6 +105,12 @@ def command(rows, work, action):
 def sample(rows, work):
     """Truth and sensors of one sample period."""
     episode.sample(rows.plants[0], rows.tasks[0], work[0], rows.reports[0])
+
+
+@kernel
+def announce(rows, beliefs):
+    """Tell a filter that is not the row's own of what `episode.announce` tells."""
+    episode.announce(rows.plants[0], beliefs[0], rows.tasks[0])
 
 
 @kernel

@@ -22,9 +22,9 @@ Field = tuple[str, DTypeLike] | tuple[str, DTypeLike, int | tuple[int, ...]]
 
 
 class InertiaMode(IntEnum):
-    """Variation of the true inertia; a table is never drawn."""
+    """Variation of the true inertia; the first four are drawn at random, the last three are those of a mass."""
 
-    STATIC, STEP, DRIFT, PERIODIC, TABLE = range(5)
+    STATIC, STEP, DRIFT, PERIODIC, TABLE, DEPLOYMENT, FUEL, RELEASE = range(8)
 
 
 class Criterion(IntEnum):
@@ -124,7 +124,7 @@ def task_dtype(n: int) -> np.dtype:
 
 
 @functools.cache
-def report_dtype(n: int) -> np.dtype:
+def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
     """What the last decision gave; the source of reward and info."""
     return np.dtype(
         [
@@ -142,11 +142,13 @@ def report_dtype(n: int) -> np.dtype:
             ("outside", FLOAT),
             ("cost", FLOAT),
             ("effort", FLOAT),
+            ("in_avoided_band", FLOAT),  # share of the samples with a wheel's speed in it
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision
             ("torque_applied", FLOAT, n),
             ("constrained_updates", INT),
             ("rejected", INT),
             ("faults", np.int8, len(Fault)),  # 1: acted in the decision
+            ("deflection", FLOAT, oscillators),  # largest in the decision
             # tallies of the decision under way
             ("peak_rate", FLOAT, 3),  # largest |rate| that the filter uses
             ("spin_start", FLOAT, n),

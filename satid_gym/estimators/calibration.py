@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+from satid_gym.estimators.alignment import noise_covariance, noise_taps
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.satellite import ReactionWheels
 from satid_gym.tolerances import Tolerances
@@ -29,25 +30,37 @@ def wheel_error_covariance(wheels: ReactionWheels, tolerances: Tolerances) -> np
 
 
 def calibration_covariance(wheels: ReactionWheels, tolerances: Tolerances) -> np.ndarray:
-    """Covariance of the errors before the first reading, (c, c): gyro's bias, scale and alignment, wheels."""
+    """Covariance of the errors before the first reading, (c, c).
+
+    In order: the gyro's bias, its scale and alignment, the tachometers' delay, the wheels.
+    """
     bias = tolerances.gyro_bias**2 * np.eye(3)
     gain = np.full((3, 3), tolerances.gyro_alignment**2)
     np.fill_diagonal(gain, tolerances.gyro_scale**2)
-    parts = (bias, np.diag(gain.ravel()), wheel_error_covariance(wheels, tolerances))
+    delay = np.array([[tolerances.tachometer_delay**2]])
+    parts = (bias, np.diag(gain.ravel()), delay, wheel_error_covariance(wheels, tolerances))
     return scipy.linalg.block_diag(*(part for part, on in zip(parts, tolerances.kinds, strict=True) if on))
 
 
-def write_calibration(row: np.void, prior: FilterPrior, first: int) -> None:
-    """Write what is known of the errors to a belief record, whose mean has them from index `first` on."""
-    tolerances, wheels = prior.tolerances, prior.wheels
-    calibration = row["calibration"]
-    calibration["states"], calibration["prior_covariance"] = (
-        tolerances.states(wheels.count),
-        calibration_covariance(wheels, tolerances),
-    )
-    for name, size, on in zip(("bias", "gain", "wheels"), (3, 9, 3 * wheels.count), tolerances.kinds, strict=True):
+def write_calibration(row: np.void, prior: FilterPrior, first: int, calibrate: bool) -> None:
+    """Write what is known of the errors to a belief record, whose mean has them from index `first` on.
+
+    Those of the tolerances, which are left out without `calibrate`, then those of encoders.
+    """
+    tolerances, wheels = prior.tolerances if calibrate else Tolerances(), prior.wheels
+    calibration, taps = row["calibration"], noise_taps(prior)
+    states, sizes = tolerances.states(wheels.count), (3, 9, 1, 3 * wheels.count)
+    covariance = calibration["prior_covariance"]
+    covariance[:states, :states] = calibration_covariance(wheels, tolerances)
+    for name, size, on in zip(("bias", "gain", "delay", "wheels"), sizes, tolerances.kinds, strict=True):
         if on:
             calibration[name], first = first, first + size
+    for tap in range(taps):
+        place = slice(states + 3 * tap, states + 3 * tap + 3)
+        covariance[place, place] = noise_covariance(prior)
+    calibration["states"] = states + 3 * taps
+    calibration["spins"] = calibration["wheels"] or first
+    calibration["spin_count"] = taps + (wheels.count if tolerances.wheels_are_uncalibrated else 0)
     if tolerances.gyro_bias > 0.0:
         row["walk"][calibration["bias"] : calibration["bias"] + 3] = prior.gyro_bias_walk
     row["scale_variance"] = tolerances.wheel_inertia**2 / wheels.count

@@ -125,6 +125,10 @@ class CompiledEKF:
         readings = real_array("gyro", gyro, (3,)), self._speed(wheel_speed)
         return float(kernels.condition_filter(self.records, self.work, *readings))
 
+    def update_wheels(self, wheel_speed: np.ndarray) -> float:
+        """Update with the tachometers alone, where the gyro's reading is not valid; returns what `update` does."""
+        return float(kernels.condition_filter_wheels(self.records, self.work, self._speed(wheel_speed)))
+
     @property
     def accepted(self) -> tuple[bool, np.ndarray] | None:
         """Whether the gyro's last reading was accepted, and the wheel speeds (n,) that it uses; None without a gate."""

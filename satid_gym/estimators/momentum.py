@@ -10,15 +10,18 @@ import scipy.special
 
 from satid_gym.config import check_integer, check_number
 from satid_gym.core.belief.filters import FilterKind
+from satid_gym.core.belief.modes import STATES
+from satid_gym.estimators.alignment import DataSheet, noise_taps, write_alignment
 from satid_gym.estimators.calibration import write_calibration
 from satid_gym.estimators.compiled import CompiledEKF
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
+from satid_gym.estimators.modes import write_modes
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.tolerances import Tolerances
 
 FIXED_WALK, FIRST_WALK = 0.004, 0.0015  # default inertia_walk without and with adaptation
 _SUBSTEPS_MAX = 1000
+_TURN = 0.035  # rad
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,13 +40,19 @@ class MomentumEKFSettings(EstimatorSettings):
             slowly, and the covariance is then too small.
         log_q_drift: with adaptation, variance that the logarithm of the process noise gains a second.
         disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the prior's.
-        substeps: midpoint steps between two readings.
+        substeps: midpoint steps between two readings; None: as many as the prior's `nutation` asks for.
         calibrate: whether it estimates, beside the inertia, the errors of gyro and wheels that the data sheet's
             tolerances allow; see `satid_gym.core.belief.calibration`. Without, it takes both as nominal.
+        flexible: whether it estimates the modes that the data sheet's panels and slosh masses give, see
+            `satid_gym.core.belief.modes`. Without, it takes the body as rigid.
         rate_coordinates: whether updates are made in errors of the body rate instead of the momentum's, see
-            `satid_gym.core.belief.retraction`; where it calibrates they always are.
+            `satid_gym.core.belief.retraction`; where it estimates errors or modes they always are. None: where the
+            prior's `agitation` is below the gyro's noise, so that readings of a body that hardly moves pass for
+            information on its inertia.
         gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
             of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
+        announced: whether it is told when a deployment or a release is commanded and how long that takes, not what it
+            does to the tensor; see `satid_gym.core.belief.announcement`.
 
     Raises:
         ValueError: a value is out of range, or with adaptation a walk is more than inertia_walk_max.
@@ -59,10 +68,12 @@ class MomentumEKFSettings(EstimatorSettings):
     inertia_walk_max: float = 0.02
     log_q_drift: float = 0.05
     disturbance_walk: float | None = None
-    substeps: int = 1
+    substeps: int | None = None
     calibrate: bool = True
-    rate_coordinates: bool = False
+    flexible: bool = True
+    rate_coordinates: bool | None = None
     gate: float = 0.0
+    announced: bool = True
 
     def __post_init__(self) -> None:
         if self.inertia_walk is None:
@@ -72,7 +83,8 @@ class MomentumEKFSettings(EstimatorSettings):
         check_number("gate", self.gate, high=0.1)
         if self.disturbance_walk is not None:
             check_number("disturbance_walk", self.disturbance_walk)
-        check_integer("substeps", self.substeps, high=_SUBSTEPS_MAX)
+        if self.substeps is not None:
+            check_integer("substeps", self.substeps, high=_SUBSTEPS_MAX)
         check_number("inertia_walk_max", self.inertia_walk_max, strict=True)
         check_number("inertia_walk_min", self.inertia_walk_min, strict=True)
         check_number("log_q_drift", self.log_q_drift)
@@ -88,41 +100,74 @@ class MomentumEKFSettings(EstimatorSettings):
         """Normalised innovation squared of a gyro reading beyond which it is rejected; 0 without a gate."""
         return float(scipy.special.chdtri(3, self.gate)) if self.gate > 0.0 else 0.0
 
+    def steps(self, prior: FilterPrior) -> int:
+        """Midpoint steps between two readings: one in which body and momentum turn by 0.035 rad is near enough.
+
+        Its error, a 24th of the angle's third power, then stays below what a reading tells of the momentum.
+        """
+        if self.substeps is not None:
+            return self.substeps
+        return max(1, min(int(np.ceil(prior.nutation / _TURN)), _SUBSTEPS_MAX))
+
+    def updates_rate(self, prior: FilterPrior) -> bool:
+        """Whether updates are made in errors of the rate where it does not calibrate."""
+        if self.rate_coordinates is not None:
+            return self.rate_coordinates
+        return prior.agitation is not None and prior.agitation < prior.reading_std
+
     def torque_walk(self, prior: FilterPrior) -> float:
         """Random walk of the disturbance torque, N m per sqrt(s)."""
         if self.disturbance_walk is None:
             return prior.disturbance_walk
         return self.disturbance_walk * prior.disturbance_std
 
-    def calibration_states(self, wheels: int, tolerances: Tolerances) -> int:
+    def calibration_states(self, sheet: DataSheet) -> int:
         """Number of the errors of sensors and wheels that it estimates."""
-        return tolerances.states(wheels) if self.calibrate else 0
+        allowed = sheet.tolerances.states(sheet.wheels.count) if self.calibrate else 0
+        return allowed + 3 * noise_taps(sheet)
 
-    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
-        """Momentum, disturbance torque, and errors of sensors and wheels."""
-        return 6 + self.calibration_states(wheels, tolerances)
+    def mode_count(self, sheet: DataSheet) -> int:
+        """Number of modes that it estimates for such a data sheet."""
+        return len(sheet.modes) if self.flexible else 0
+
+    def other_states(self, sheet: DataSheet) -> int:
+        """Momentum, disturbance torque, modes, and errors of sensors and wheels."""
+        return 6 + STATES * self.mode_count(sheet) + self.calibration_states(sheet)
 
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
-        """Write prior and tuning to a belief record."""
+        """Write prior and tuning to a belief record.
+
+        Raises:
+            ValueError: a gate with sensors whose readings are not of one instant.
+        """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
-        row["gyro_std"], row["tachometer_std"] = prior.gyro_noise_std, prior.tachometer_noise_std
+        row["gyro_std"], row["tachometer_std"] = prior.reading_std, prior.tachometer_noise_std
         spin_std = wheels.inertia * prior.tachometer_noise_std
         row["wheel_momentum_covariance"] = (wheels.axes * spin_std**2) @ wheels.axes.T
         row["prior_theta_std"] = prior.prior_theta_std(parameters)
         row["prior_torque_std"] = prior.disturbance_std
         row["walk"][3 : 3 + p] = self.inertia_walk * row["theta_scale"]
         row["walk"][3 + p : 6 + p] = self.torque_walk(prior)
-        row["substeps"] = self.substeps
+        row["substeps"] = self.steps(prior)
         gate, adaptation = row["gate"], row["adaptation"]
         gate["threshold"], gate["gyro_noisy"] = self.gate_distance, prior.gyro_is_noisy
         gate["torque_max"] = wheels.max_torque
         adaptation["on"] = self.adaptive
         for name in ("inertia_walk", "inertia_walk_min", "inertia_walk_max", "log_q_drift"):
             adaptation[name] = getattr(self, name)
-        calibrates = self.calibrate and any(prior.tolerances.kinds)
-        if calibrates:
-            write_calibration(row, prior, first=6 + p)
-        row["rate_coordinates"] = calibrates or self.rate_coordinates
+        if self.gate > 0.0 and prior.sensors.are_timed:
+            raise ValueError(
+                "the gate of a MomentumEKF takes gyro and tachometers as read at one instant: use gate=0, or sensors "
+                "that neither integrate nor count, without delay"
+            )
+        modes = self.mode_count(prior)
+        if modes > 0:
+            write_modes(row["modes"], prior, first=6 + p)
+        if self.calibration_states(prior) > 0:
+            write_calibration(row, prior, 6 + p + STATES * modes, self.calibrate)
+        write_alignment(row, prior)
+        row["is_told"] = self.announced
+        row["rate_coordinates"] = row["calibration"]["states"] > 0 or modes > 0 or self.updates_rate(prior)
 
 
 class MomentumEKF(CompiledEKF):
@@ -141,7 +186,8 @@ class MomentumEKF(CompiledEKF):
     def inertia_walk(self) -> float:
         """Random walk of each moment relative to its prior, per sqrt(s), that the last prediction used."""
         row = self.record
-        return float(row["walk"][3] / row["theta_scale"][0])
+        adaptation = row["adaptation"]
+        return float(adaptation["walk"] if adaptation["on"] else row["walk"][3] / row["theta_scale"][0])
 
     @property
     def steps(self) -> int:

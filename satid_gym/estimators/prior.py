@@ -9,7 +9,10 @@ import numpy as np
 
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, products_of_inertia
-from satid_gym.satellite import ReactionWheels, inertia_tensor
+from satid_gym.modes import Mode, modes_of
+from satid_gym.rigid_body import inertia_tensor
+from satid_gym.satellite import ReactionWheels
+from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
 
 GYRO_STD_MIN = 1e-9  # a sensor said to be noiseless is believed this far
@@ -31,9 +34,16 @@ class FilterPrior(Config):
         parameters: what is to be estimated, "principal" or "full"; None: see `needed_parameters`.
         tolerances: of sensors and wheels.
         gyro_bias_walk: random walk of the gyro's bias, rad/s per sqrt(s).
+        modes: of panels and slosh masses.
+        agitation: rad/s, std by which the motors' noise changes the rate between two readings, about the axis that it
+            moves least; None: not known.
+        nutation: rad, by which body and momentum may turn against each other between two readings, |M| dt / J.
+        sensors: what readings stand for and how late they are.
+        sample_period: s between two readings, by which encoders and gyros with a quantum divide what they count.
 
     Raises:
-        ValueError: a value is out of range, or the prior inertia is not that of a rigid body.
+        ValueError: a value is out of range, the prior inertia is not that of a rigid body, or sensors that count have
+            no sample period.
     """
 
     wheels: ReactionWheels
@@ -47,6 +57,11 @@ class FilterPrior(Config):
     parameters: Parameters | None = None
     tolerances: Tolerances = field(default_factory=Tolerances)
     gyro_bias_walk: float = 0.0
+    modes: tuple[Mode, ...] = ()
+    agitation: float | None = None
+    nutation: float = 0.0
+    sensors: Sensors = field(default_factory=Sensors)
+    sample_period: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -57,6 +72,13 @@ class FilterPrior(Config):
         object.__setattr__(self, "inertia", inertia_tensor(self.inertia, "prior inertia"))
         check_number("gyro_noise_std", self.gyro_noise_std, strict=True)
         object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
+        object.__setattr__(self, "modes", modes_of(self.modes))
+        object.__setattr__(self, "sensors", sensors_of(self.sensors))
+        self.sensors.check(self.tolerances)
+        if self.sample_period is not None:
+            check_number("sample_period", self.sample_period, strict=True)
+        elif self.sensors.counts or self.sensors.gyro_quantum > 0.0:
+            raise ValueError("sensors that count need the prior's sample_period, s, by which the counts are divided")
         for name in (
             "prior_std",
             "product_std",
@@ -64,13 +86,25 @@ class FilterPrior(Config):
             "disturbance_std",
             "disturbance_walk",
             "gyro_bias_walk",
+            "nutation",
         ):
             check_number(name, getattr(self, name))
+        if self.agitation is not None:
+            check_number("agitation", self.agitation)
 
     @property
     def gyro_is_noisy(self) -> bool:
         """Whether the gyro has noise of its own, by which a reading that repeats itself gives itself away."""
         return self.gyro_noise_std > GYRO_STD_MIN
+
+    @property
+    def reading_std(self) -> float:
+        """Noise of a gyro's reading, rad/s, with that of whole quanta; see `counting_std`."""
+        if self.sensors.gyro_quantum == 0.0:
+            return self.gyro_noise_std
+        assert self.sample_period is not None
+        count = np.sqrt(2.0) * counting_std(self.sensors.gyro_quantum) / self.sample_period
+        return float(np.hypot(self.gyro_noise_std, count))
 
     @property
     def needed_parameters(self) -> Parameters:
@@ -89,6 +123,16 @@ class FilterPrior(Config):
         """(p,) std of the prior, kg m^2."""
         count = PARAMETER_COUNT[parameters] - 3
         return self.theta_scale(parameters) * np.array([self.prior_std] * 3 + [self.product_std] * count)
+
+
+def counting_std(quantum: float) -> float:
+    """Standard deviation of an angle that is known to whole quanta: uniform within one, quantum / sqrt(12).
+
+    A rate is the difference of two such angles over the sample period, and the angle in their middle stands in both its
+    neighbours with opposite sign: its variance is quantum^2 / (6 dt^2), its spectrum is 0 at frequency 0.
+    Source: Bennett, Spectra of quantized signals, Bell System Technical Journal 27(3), 1948.
+    """
+    return quantum / np.sqrt(12.0)
 
 
 def estimated_parameters(given: Parameters | None, prior: FilterPrior) -> Parameters:

@@ -8,13 +8,12 @@ from typing import Literal
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.core import kernels
 from satid_gym.core.belief.filters import FilterKind
+from satid_gym.estimators.alignment import DataSheet
 from satid_gym.estimators.compiled import CompiledEKF
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.tolerances import Tolerances
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,12 +55,21 @@ class RateEKFSettings(EstimatorSettings):
         for name in ("rate_walk", "inertia_walk", "wheel_speed_walk"):
             check_number(name, getattr(self, name))
 
-    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
+    def other_states(self, sheet: DataSheet) -> int:
         """Body rate and wheel speeds."""
-        return 3 + wheels
+        return 3 + sheet.wheels.count
 
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
-        """Write tuning to a belief record."""
+        """Write tuning to a belief record.
+
+        Raises:
+            ValueError: the sensors' readings are not of one instant.
+        """
+        if prior.sensors.are_timed:
+            raise ValueError(
+                "the RateEKF takes gyro and tachometers as read at one instant: use AdaptiveEKF, or sensors that "
+                "neither integrate nor count, without delay"
+            )
         p = PARAMETER_COUNT[parameters]
         row["gyro_std"], row["tachometer_std"] = self.gyro_std, self.wheel_speed_std
         row["prior_theta_std"] = self.prior_inertia_std
@@ -80,7 +88,3 @@ class RateEKF(CompiledEKF):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(RateEKFSettings.from_dict(settings))
-
-    def update_wheels(self, wheel_speed: np.ndarray) -> float:
-        """Update with the tachometers alone; returns the normalised innovation squared per degree of freedom."""
-        return float(kernels.condition_filter_wheels(self.records, self.work, self._speed(wheel_speed)))

@@ -14,8 +14,8 @@ def new_belief(prior: FilterPrior, settings: EstimatorSettings) -> np.ndarray:
     """One row of belief, not yet started by a reading."""
     wheels, parameters = prior.wheels, estimated_parameters(settings.parameters, prior)
     n, p = wheels.count, PARAMETER_COUNT[parameters]
-    others = settings.other_states(n, prior.tolerances)
-    rows = np.zeros(1, belief_dtype(n, p, p + others, settings.calibration_states(n, prior.tolerances)))
+    size, errors = p + settings.other_states(prior), settings.calibration_states(prior)
+    rows = np.zeros(1, belief_dtype(n, p, size, errors, settings.mode_count(prior), prior.sensors.lines))
     row = rows[0]
     row["kind"], row["substeps"] = settings.kind, 1
     row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia
@@ -28,4 +28,4 @@ def new_belief(prior: FilterPrior, settings: EstimatorSettings) -> np.ndarray:
 def new_work(beliefs: np.ndarray) -> np.ndarray:
     """Scratch space for one thread that works on such beliefs."""
     n, p, size = (beliefs[name].shape[1] for name in ("wheel_inertia", "prior_theta", "mean"))
-    return np.zeros(1, work_dtype(n, p, size))
+    return np.zeros(1, work_dtype(n, p, size, beliefs["modes"]["coupling"].shape[1]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -9,15 +10,15 @@ import numpy as np
 
 from satid_gym.config import Config
 from satid_gym.core.belief.filters import FilterKind
+from satid_gym.estimators.alignment import DataSheet
 from satid_gym.estimators.inertia import Parameters
 from satid_gym.estimators.prior import FilterPrior
-from satid_gym.tolerances import Tolerances
 
 Coordinates = Literal["momentum", "rate"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EstimatorSettings(Config):
+class EstimatorSettings(Config, abc.ABC):
     """Base of the settings of every estimator.
 
     Attributes:
@@ -33,14 +34,18 @@ class EstimatorSettings(Config):
     name: str
     parameters: Parameters | None = None
 
-    def other_states(self, wheels: int, tolerances: Tolerances) -> int:
-        """Number of the filter's states that are no inertia parameters, for so many wheels with such tolerances."""
-        raise NotImplementedError
+    def mode_count(self, sheet: DataSheet) -> int:
+        """How many modes of the body it estimates for such a data sheet."""
+        return 0
 
-    def calibration_states(self, wheels: int, tolerances: Tolerances) -> int:
+    @abc.abstractmethod
+    def other_states(self, sheet: DataSheet) -> int:
+        """Number of the filter's states that are no inertia parameters, for such a data sheet."""
+
+    def calibration_states(self, sheet: DataSheet) -> int:
         """How many of these are errors of sensors and wheels, the last ones."""
         return 0
 
+    @abc.abstractmethod
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
         """Write prior and tuning to a belief record that has axes, wheel_inertia, prior_theta and theta_scale."""
-        raise NotImplementedError

@@ -46,8 +46,19 @@ class MomentumSmoother:
             Smoothed mean and covariance; `nis` and `constrained_updates` are the filter's.
 
         Raises:
-            ValueError: a shape or a value is wrong, or the prior has tolerances, whose errors it does not smooth.
+            ValueError: a shape or a value is wrong, or the prior has tolerances or modes, which it does not smooth, or
+                sensors whose readings are not of one instant.
         """
+        if self.settings.flexible and prior.modes:
+            raise ValueError(
+                "MomentumSmoother smooths no modes: give a prior without, or use flexible=False, which takes the body "
+                "as rigid"
+            )
+        if prior.sensors.are_timed:
+            raise ValueError(
+                "MomentumSmoother takes gyro and tachometers as read at one instant: give a prior with sensors that "
+                "neither integrate nor count, without delay"
+            )
         if self.settings.calibrate and any(prior.tolerances.kinds):
             raise ValueError(
                 "MomentumSmoother smooths no errors of sensors and wheels: give a prior without tolerances, or use "
@@ -76,7 +87,8 @@ class _Transition:
     def __init__(self, prior: FilterPrior, settings: MomentumEKFSettings, dt: float) -> None:
         # The filter leaves the Jacobian of its last substep only, so its substeps are taken one by one here;
         # its tachometer noise counts for the whole of dt, which the factor makes up for.
-        self.steps, self.h = settings.substeps, dt / settings.substeps
+        self.steps = settings.steps(prior)
+        self.h = dt / self.steps
         self.rows = new_belief(prior, settings)
         self.work = new_work(self.rows)
         self.rows["substeps"] = 1

@@ -1,6 +1,8 @@
 """Adaptation: process noise of the inertia, estimated beside theta by recursive maximum likelihood.
 
-theta is a random walk of variance q a second, relative to its scale. An update that moves theta's mean by d and takes
+theta is a random walk of variance q a second, relative to its scale; of six parameters mostly along theta itself,
+0.9 theta theta^T + 0.1 diag(scale)^2, for a reading tells of three combinations alone, and an inertia that varies does
+so as a whole sooner than in shape. An update that moves theta's mean by d and takes
 its covariance from P- to P+ tells what a measurement of theta alone would; the derivative of that measurement's
 log-likelihood by a parameter e of q, and the information on e, are
 
@@ -35,6 +37,7 @@ _LOG_Q_VARIANCE = 4.0  # of e before the first reading, and at most
 _LOG_Q_NOISE = 0.002  # variance that e gains a second where theta does not vary
 _LOG_Q_CHANGE_MAX = 2.0  # change of e by one reading
 _DOUBT_SIGMAS = 2.0
+_OWN_SHARE = 0.1  # of the walk of six parameters, that each has of its own; the rest is that of a common factor
 _STEP_HOLDOFF = 30.0  # s between two steps: where readings go on to be implausible, the inertia is not the cause
 _STEP_DISTANCE = 40.0  # normalised innovation squared, of 3 degrees of freedom, that no q explains: one in 1e8
 
@@ -54,6 +57,7 @@ def adaptation_dtype(p: int) -> np.dtype:
             ("log_q_variance", FLOAT),
             ("theta_slope", FLOAT, p),  # t
             ("covariance_slope", FLOAT, (p, p)),  # D
+            ("walk", FLOAT),  # sqrt(q) that the last prediction used
             ("steps", INT),  # of the inertia that were found
             ("since_step", FLOAT),  # s
         ],
@@ -86,6 +90,7 @@ def start(belief):
     state.log_q = _log_q(state.inertia_walk, state.inertia_walk_min)
     state.log_q_max = _log_q(state.inertia_walk_max, state.inertia_walk_min)
     state.log_q_variance = _LOG_Q_VARIANCE
+    state.walk = state.inertia_walk
     state.steps = 0
     state.since_step = _STEP_HOLDOFF
     forget(state)
@@ -118,10 +123,17 @@ def predict(belief, dt):
     else:
         doubt = -e * _DOUBT_SIGMAS * np.sqrt(state.log_q_variance)
         variance, slope, share = q_min * max(0.0, 1.0 + e - doubt), q_min, (1.0 + e) ** 2
-    for k in range(belief.theta_scale.shape[0]):
+    state.walk = np.sqrt(variance)
+    p = belief.theta_scale.shape[0]
+    own = _OWN_SHARE if p == 6 else 1.0
+    for k in range(p):
         scale = belief.theta_scale[k]
-        belief.walk[3 + k] = np.sqrt(variance) * scale
-        state.covariance_slope[k, k] += slope * scale * scale * dt
+        belief.walk[3 + k] = np.sqrt(own * variance) * scale
+        state.covariance_slope[k, k] += own * slope * scale * scale * dt
+        for j in range(p if own < 1.0 else 0):
+            common = (1.0 - own) * belief.mean[3 + k] * belief.mean[3 + j] * dt
+            state.covariance_slope[k, j] += slope * common
+            belief.covariance[3 + k, 3 + j] += variance * common
     grown = state.log_q_variance + (share * state.log_q_drift + _LOG_Q_NOISE) * dt
     state.log_q_variance = min(grown, _LOG_Q_VARIANCE)
     state.since_step += dt

@@ -3,6 +3,8 @@
     reading        z = (1 + G) omega + b + noise
     wheels         a = sum_k (j_k A_k + e_k) Omega_k
 
+The tachometers' delay and the errors of encoders, which are states beside these, are those of `alignment`.
+
 b (3) is the gyro's bias, G (3 x 3, by rows) its scale and misalignment, e_k (3) the error of wheel k's momentum by
 speed: relative rotor inertia along its axis, misalignment across it. All start at zero with the tolerances' covariance;
 b walks, the others stay.
@@ -23,6 +25,7 @@ import numpy as np
 
 from satid_gym.core.algebra import add, axpy, load, subtract
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times
+from satid_gym.core.belief.modes import body_inertia
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.wheels import wheel_momentum
@@ -37,7 +40,11 @@ def calibration_dtype(n: int, states: int) -> np.dtype:
             ("states", INT),  # 0: everything is as nominal
             ("bias", INT),  # index of b in the mean; 0: none
             ("gain", INT),  # of G
+            ("delay", INT),  # of the tachometers, see `alignment`
             ("wheels", INT),  # of e
+            ("spins", INT),  # of the first error of the wheels' momentum: e, then the encoders', see `alignment`
+            ("spin_count", INT),  # of these, 3 states each
+            ("spin_scale", FLOAT, room),  # da = scale d error: wheel speeds for e, -c for an encoder's
             ("prior_covariance", FLOAT, (room, room)),
             ("speed_before", FLOAT, n),  # wheel speeds that the prediction began with
         ],
@@ -91,12 +98,14 @@ def corrected(belief, gyro):
 
 @inline
 def wheel_input(belief, speed):
-    """a of wheel speeds (n,), with the errors' estimates, N m s."""
+    """a of wheel speeds (n,), with the errors' estimates, N m s; they are those that derivatives are taken at."""
     a = wheel_momentum(belief, speed)
-    w = belief.calibration.wheels
-    if w > 0:
+    c = belief.calibration
+    if c.wheels > 0:
         for k in range(speed.shape[0]):
-            a = axpy(speed[k], load(belief.mean[w + 3 * k : w + 3 * k + 3]), a)
+            c.spin_scale[k] = speed[k]
+    for k in range(c.spin_count):
+        a = axpy(c.spin_scale[k], load(belief.mean[c.spins + 3 * k : c.spins + 3 * k + 3]), a)
     return a
 
 
@@ -111,7 +120,7 @@ def begin_prediction(belief):
 @outline
 def write_start_rows(belief, omega, rows):
     """Derivative of the first M = J omega + a by the errors, to rows (3, size), where omega (3,) was read."""
-    c, J = belief.calibration, estimated_inertia(belief)
+    c, J = belief.calibration, body_inertia(belief, belief.mean, estimated_inertia(belief))
     inertia = ((J[0], J[3], J[4]), (J[3], J[1], J[5]), (J[4], J[5], J[2]))
     for i in range(3):
         for j in range(3):
@@ -120,10 +129,9 @@ def write_start_rows(belief, omega, rows):
             if c.gain > 0:
                 for k in range(3):
                     rows[i, c.gain + 3 * j + k] = -inertia[i][j] * omega[k]
-        if c.wheels > 0:
-            for k in range(belief.speed.shape[0]):
-                for j in range(3):
-                    rows[i, c.wheels + 3 * k + j] = belief.speed[k] if i == j else 0.0
+        for k in range(c.spin_count):
+            for j in range(3):
+                rows[i, c.spins + 3 * k + j] = c.spin_scale[k] if i == j else 0.0
 
 
 @outline
@@ -142,9 +150,8 @@ def complete_rows(belief, likely, rows, support):
             if c.gain > 0:
                 for k in range(3):
                     rows[i, c.gain + 3 * j + k] = likely[k] if i == j else 0.0
-            if c.wheels > 0:
-                for k in range(belief.speed.shape[0]):
-                    rows[i, c.wheels + 3 * k + j] = -rows[i, j] * belief.speed[k]
+            for k in range(c.spin_count):
+                rows[i, c.spins + 3 * k + j] = -rows[i, j] * c.spin_scale[k]
 
 
 @outline
@@ -160,6 +167,10 @@ def complete_transition(belief, work, momenta, J_inv, shares, h):
         h: s.
     """
     c = belief.calibration
+    for k in range(c.spin_count):  # those of encoders, which bring nothing worth mention into M
+        for i in range(3):
+            for j in range(3):
+                work.transition[i, c.spins + 3 * k + j] = 0.0
     if c.wheels == 0:
         return
     first, second, slope, transition = work.jacobian[2], work.jacobian[3], work.jacobian[1], work.transition

@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from satid_gym.core.algebra import load
-from satid_gym.core.belief import calibration, momentum_filter, rate_filter
+from satid_gym.core.belief import alignment, calibration, momentum_filter, momentum_start, rate_filter
 from satid_gym.core.jit import inline
 
 
@@ -25,7 +25,7 @@ _MOMENTUM = int(FilterKind.MOMENTUM)
 def start(belief, work, gyro, tachometer):
     """Belief after the first reading."""
     if belief.kind == _MOMENTUM:
-        momentum_filter.start(belief, work, gyro, tachometer)
+        momentum_start.start(belief, work, gyro, tachometer)
     else:
         rate_filter.start(belief, work, gyro, tachometer)
 
@@ -43,6 +43,8 @@ def predict(belief, work, tachometer, dt):
 def condition(belief, work, gyro, tachometer):
     """Update the belief with the present readings; normalised innovation squared per degree of freedom."""
     if belief.kind == _MOMENTUM:
+        if belief.alignment.on != 0 and not alignment.take_gyro(belief, gyro, 1):
+            return 0.0
         return momentum_filter.condition(belief, work, gyro) / 3.0
     return rate_filter.condition(belief, work, gyro, tachometer) / (3.0 + tachometer.shape[0])
 
@@ -54,6 +56,8 @@ def condition_wheels(belief, work, tachometer):
     Without gyro the MomentumEKF has nothing to update: the tachometers are its prediction's input.
     """
     if belief.kind == _MOMENTUM:
+        if belief.alignment.on != 0:
+            alignment.take_gyro(belief, belief.reference_rate, 0)
         return 0.0
     return rate_filter.condition_wheels(belief, work, tachometer) / tachometer.shape[0]
 
@@ -66,10 +70,14 @@ def rate(belief):
 
 @inline
 def rate_used(belief, gyro):
-    """The gyro's reading, less its estimated errors, or, where the filter coasts, the filter's own rate, rad/s."""
+    """The gyro's reading, less its estimated errors, or, where the filter coasts, the filter's own rate, rad/s.
+
+    Brought to the present, where the reading is that of an earlier instant.
+    """
     if belief.coasting != 0:
-        return rate(belief)
-    return load(gyro) if belief.calibration.states == 0 else calibration.corrected(belief, gyro)
+        return alignment.present_rate(belief, rate(belief), belief.alignment.state_age)
+    reading = load(gyro) if belief.calibration.states == 0 else calibration.corrected(belief, gyro)
+    return alignment.present_rate(belief, reading, belief.alignment.age)
 
 
 @inline

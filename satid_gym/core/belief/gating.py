@@ -203,7 +203,8 @@ def validate(belief, work, support):
 def _inflate(belief, work, p):
     """Add to the covariance a change of theta that came with the first rejection and has moved M since."""
     belief.stepped = 1
-    covariance, steps = belief.covariance, belief.gate.since_rejection * belief.substeps
+    substeps = belief.substeps if belief.modes.coupling.shape[0] == 0 else 1  # work.transition: of one, or of them all
+    covariance, steps = belief.covariance, belief.gate.since_rejection * substeps
     for k in range(p):
         variance = (STEP * belief.theta_scale[k]) ** 2
         covariance[3 + k, 3 + k] += variance

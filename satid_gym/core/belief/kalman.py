@@ -1,8 +1,8 @@
 """Kalman algebra of both extended filters: covariance propagation, update, and the start-up of theta.
 
 Both states are [v, theta, rest]: a 3-vector that moves (M or omega), the p inertia parameters, and what else
-the filter carries. Only the first three rows of the transition differ from identity, so F P F^T costs
-O(size^2).
+the filter carries. Only the rows of v, and of the modes' deflections and momenta, differ from identity in the
+transition, so F P F^T costs O(size^2).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from satid_gym.core.algebra import (
     factor,
     is_positive_definite,
 )
+from satid_gym.core.belief.modes import body_inertia_of, moving
 from satid_gym.core.jit import inline, outline
 
 _FLOOR = 0.05  # of the prior inertia: below it an estimate is not believed
@@ -85,9 +86,9 @@ def write_cross_times(v, s, out):
 
 @inline
 def propagate(belief, work, dt):
-    """P = F P F^T + Q, with F's first three rows in work.transition and Q the random walks over dt."""
+    """P = F P F^T + Q, with F's rows of `modes.moving` in work.transition and Q the random walks over dt."""
     covariance, transition, product = belief.covariance, work.transition, work.product
-    size = belief.mean.shape[0]
+    size, moved = belief.mean.shape[0], 3 + 2 * belief.modes.coupling.shape[0]
     for j in range(size):
         x = y = z = 0.0
         for k in range(size):
@@ -96,6 +97,11 @@ def propagate(belief, work, dt):
             y += transition[1, k] * c
             z += transition[2, k] * c
         product[0, j], product[1, j], product[2, j] = x, y, z
+        for r in range(3, moved):
+            total = 0.0
+            for k in range(size):
+                total += transition[r, k] * covariance[j, k]
+            product[r, j] = total
     for i in range(3):
         for j in range(i, 3):
             total = 0.0
@@ -104,6 +110,17 @@ def propagate(belief, work, dt):
             covariance[i, j] = covariance[j, i] = total
         for j in range(3, size):
             covariance[i, j] = covariance[j, i] = product[i, j]
+    for r in range(3, moved):
+        i = moving(belief, r)
+        for j in range(3, size):
+            covariance[i, j] = covariance[j, i] = product[r, j]
+    for r in range(3, moved):
+        i = moving(belief, r)
+        for q in range(r + 1):
+            j, total = moving(belief, q), 0.0
+            for k in range(size):
+                total += product[r, k] * transition[q, k]
+            covariance[i, j] = covariance[j, i] = total
     for i in range(size):
         covariance[i, i] += belief.walk[i] ** 2 * dt
 
@@ -170,7 +187,8 @@ def _move_mean(belief, work):
     for _ in range(_HALVINGS_MAX):
         for k in range(p):
             work.theta[k] = belief.mean[3 + k] + fraction * work.delta[3 + k]
-        if is_positive_definite(axpy_symmetric(-_FLOOR, floor, inertia_of(work.theta))):
+        inertia = body_inertia_of(belief, work, fraction, inertia_of(work.theta))
+        if is_positive_definite(axpy_symmetric(-_FLOOR, floor, inertia)):
             break
         fraction *= 0.5
     if fraction < 1.0:

@@ -1,4 +1,4 @@
-"""MomentumEKF: x = [M, theta, tau], with a = A j Omega from the tachometers a known input.
+"""MomentumEKF: x = [M, theta, tau, modes, errors], with a = A j Omega from the tachometers a known input.
 
     predict   dM/dt = M x omega + tau,  omega = J(theta)^-1 (M - a);  theta and tau random walks
     measure   z = J(theta)^-1 (M - a) + noise,  R = sigma_gyro^2 1 + J^-1 N J^-1
@@ -14,7 +14,6 @@ from __future__ import annotations
 from satid_gym.core.algebra import (
     add,
     axpy,
-    axpy_symmetric,
     congruence,
     cross,
     inverse,
@@ -22,18 +21,26 @@ from satid_gym.core.algebra import (
     load_symmetric,
     multiply,
     store,
-    store_symmetric,
     subtract,
 )
-from satid_gym.core.belief import adaptation, calibration, gating, momentum_model, retraction
+from satid_gym.core.belief import (
+    adaptation,
+    alignment,
+    announcement,
+    calibration,
+    gating,
+    mode_prediction,
+    modes,
+    momentum_model,
+    retraction,
+)
 from satid_gym.core.belief.kalman import (
     estimated_inertia,
     is_known_to,
     propagate,
-    start_theta,
     update,
-    write_times_regressor,
 )
+from satid_gym.core.belief.momentum_start import start_momentum
 from satid_gym.core.jit import inline, outline
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
@@ -41,75 +48,32 @@ _ITERATIONS = 4
 _STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia counts as learned
 
 
-@inline
-def start(belief, work, gyro, tachometer):
-    """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
-    start_theta(belief)
-    p = belief.prior_theta.shape[0]
-    gating.begin(belief, gyro, tachometer)
-    calibration.start(belief)
-    store(belief.wheel_input, calibration.wheel_input(belief, tachometer))
-    if belief.adaptation.on != 0:
-        adaptation.start(belief)
-    for i in range(3):
-        belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
-    _start_momentum(belief, work, gyro)
-
-
-@outline
-def _start_momentum(belief, work, gyro):
-    """M = J omega + a of one reading, with what is known of theta and with nothing of M before."""
-    p, size = belief.prior_theta.shape[0], belief.mean.shape[0]
-    omega, a = calibration.corrected(belief, gyro), load(belief.wheel_input)
-    inertia = estimated_inertia(belief)
-    store(belief.mean, add(multiply(inertia, omega), a))
-    store(belief.reference_rate, omega)
-    covariance, rows, identity = belief.covariance, work.rows, work.jacobian[0]
-    store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
-    write_times_regressor(identity, omega, work.regressor)
-    for i in range(3):
-        for j in range(size):
-            rows[i, j] = 0.0
-        for k in range(p):
-            rows[i, 3 + k] = work.regressor[i, k]
-    calibration.write_start_rows(belief, omega, rows)
-    s2 = belief.gyro_std**2
-    noise = congruence(inertia, (s2, s2, s2, 0.0, 0.0, 0.0))
-    moment = work.jacobian[1]
-    store_symmetric(moment, axpy_symmetric(1.0, noise, load_symmetric(belief.wheel_momentum_covariance)))
-    for i in range(3):
-        for j in range(3, size):
-            total = 0.0
-            for k in range(3, size):
-                total += rows[i, k] * covariance[k, j]
-            covariance[i, j] = covariance[j, i] = total
-    for i in range(3):
-        for j in range(i, 3):
-            total = moment[i, j]
-            for k in range(3, size):
-                total += covariance[i, k] * rows[j, k]
-            covariance[i, j] = covariance[j, i] = total
-
-
 @outline
 def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
-    p = belief.prior_theta.shape[0]
-    J_inv = inverse(estimated_inertia(belief))
+    p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
+    J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     calibration.begin_prediction(belief)
     if belief.gate.threshold > 0.0:
         gating.gate_tachometers(belief, tachometer, work.torque, dt)
     else:
-        for k in range(tachometer.shape[0]):
-            belief.speed[k] = tachometer[k]
+        alignment.take_wheels(belief, tachometer, work.torque, dt)
     after = calibration.wheel_input(belief, belief.speed)
     if belief.adaptation.on != 0:
         adaptation.predict(belief, dt)
     before = load(belief.wheel_input)
+    store(belief.alignment.input_change, subtract(after, before))
     per_step = 1.0 / belief.substeps
     h = dt * per_step
     noise = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
-    for step in range(belief.substeps):
+    if flexible:
+        momentum = load(belief.mean)
+        mode_prediction.predict(belief, work, estimated_inertia(belief), (before, after), dt)
+        propagate(belief, work, dt)
+        if belief.alignment.noise_taps == 0:
+            mode_prediction.add_tachometer_noise(belief, momentum, noise, dt)
+        mode_prediction.add_curvature(belief, dt)
+    for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
         a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
         momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
@@ -123,10 +87,13 @@ def predict(belief, work, tachometer, dt):
         shares = step * per_step, (step + 0.5) * per_step
         calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
         propagate(belief, work, h)
-        momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
+        if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
+            momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
     if belief.gate.threshold > 0.0:
         gating.inflate_momentum(belief, J_inv, dt)
     store(belief.wheel_input, after)
+    if belief.announced > 0.0:
+        announcement.raise_covariance(belief, work)
 
 
 @inline
@@ -144,8 +111,8 @@ def disturbance(belief):
 @inline
 def rate(belief):
     """Estimated omega = J^-1 (M - a) at the last reading."""
-    residual = subtract(load(belief.mean), load(belief.wheel_input))
-    return multiply(inverse(estimated_inertia(belief)), residual)
+    inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
+    return multiply(inverse(inertia), momentum_model.body_momentum(belief))
 
 
 @inline
@@ -167,7 +134,7 @@ def condition(belief, work, gyro):
         if decision > 0.0:
             return decision
         if decision == gating.REINITIALISE:
-            _start_momentum(belief, work, gyro)
+            start_momentum(belief, work, gyro)
             belief.coasting = belief.gate.confirmed = belief.gate.rejections = 0
             return 0.0
         if decision == gating.STEPPED and belief.adaptation.on != 0:
@@ -175,6 +142,8 @@ def condition(belief, work, gyro):
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
     nis = _update(belief, work, gyro)
+    if belief.modes.coupling.shape[0] > 0:
+        modes.refresh(belief)
     if gated:
         gating.follow_unmeasured_wheels(belief, before)
     return nis
@@ -186,6 +155,8 @@ def _update(belief, work, gyro):
     support = momentum_model.support(belief)
     if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work, support):
         adaptation.step(belief)
+        if alignment.is_mixed(belief):
+            return 0.0
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
     if belief.rate_coordinates != 0 and belief.stepped == 0:
@@ -204,6 +175,7 @@ def _update(belief, work, gyro):
     nis, constrained_updates = 0.0, belief.constrained_updates
     for iteration in range(_ITERATIONS):
         if iteration > 0:
+            modes.refresh(belief)
             momentum_model.linearise(belief, work, gyro)
         for r in range(3):
             for k in range(support):

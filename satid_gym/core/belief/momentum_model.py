@@ -16,7 +16,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
     subtract,
 )
-from satid_gym.core.belief import calibration, retraction
+from satid_gym.core.belief import alignment, calibration, modes, retraction
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -75,6 +75,13 @@ def _beyond(rate, spin, noise):
     return rate if rate * rate > retraction.EXCITATION_SIGMAS**2 * spin * (1.0 - spin / noise) else 0.0
 
 
+@inline
+def _least(spin, noise):
+    """Variances of the most likely rate, spin (1 - spin / noise), first in a symmetric tensor."""
+    x, y, z = 1.0 - spin[0] / noise[0], 1.0 - spin[1] / noise[1], 1.0 - spin[2] / noise[2]
+    return x * spin[0], y * spin[1], z * spin[2], 0.0, 0.0, 0.0
+
+
 @outline
 def linearise(belief, work, gyro):
     """Whitened rows and innovation of the gyro reading about the filter's mean.
@@ -85,17 +92,19 @@ def linearise(belief, work, gyro):
     standard deviations is taken as none: noise is no excitation. In errors of the rate, `retraction` says where.
     """
     p = belief.prior_theta.shape[0]
-    J_inv = inverse(estimated_inertia(belief))
+    J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     calibrated = belief.calibration.states > 0
     if calibrated:
         store(belief.wheel_input, calibration.wheel_input(belief, belief.speed))
-    omega = multiply(J_inv, subtract(load(belief.mean), load(belief.wheel_input)))
-    residual = subtract(load(gyro), calibration.reading_of(belief, omega) if calibrated else omega)
+    omega = multiply(J_inv, body_momentum(belief))
+    reading = alignment.aligned_gyro(belief, gyro)
+    residual = subtract(reading, calibration.reading_of(belief, omega) if calibrated else omega)
     spin = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
     noise = add_diagonal(belief.gyro_std**2, spin)
     likely = add(omega, multiply(spin, multiply(inverse(noise), residual)))
     if belief.rate_coordinates != 0:
-        likely = retraction.move_reference(belief, likely, spin)
+        counted = belief.alignment.noise_taps > 0  # then the gyro may well be the better of the two
+        likely = retraction.move_reference(belief, likely, _least(spin, noise) if counted else spin)
     else:
         likely = (
             _beyond(likely[0], spin[0], noise[0]),
@@ -110,8 +119,19 @@ def linearise(belief, work, gyro):
             rows[i, j] = jacobian[i, j]
         for k in range(p):
             rows[i, 3 + k] = work.regressor[i, k]
+    filled = 3 + p
+    if belief.modes.coupling.shape[0] > 0:
+        modes.write_rate_errors(belief, belief.mean, likely, rows)
+        filled = 6 + p + modes.STATES * belief.modes.coupling.shape[0]
+        for j in range(6 + p, filled):
+            rate = multiply(J_inv, modes.load_column(rows, j))
+            rows[0, j], rows[1, j], rows[2, j] = rate
     if calibrated:
-        calibration.complete_rows(belief, likely, rows, 3 + p)
+        calibration.complete_rows(belief, likely, rows, filled)
+        if belief.calibration.delay > 0:
+            alignment.write_delay_rows(belief, J_inv, spin, rows)
+    if belief.alignment.noise_taps > 0:  # the tachometers' noise is in the states
+        noise = add_diagonal(belief.gyro_std**2, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     store(work.innovation, residual)
     whiten(work, noise, support(belief))
 
@@ -119,7 +139,15 @@ def linearise(belief, work, gyro):
 @inline
 def support(belief):
     """Number of first states that a reading depends on, as far as its rows are filled."""
-    return 3 + belief.prior_theta.shape[0] if belief.calibration.states == 0 else belief.mean.shape[0]
+    rigid = belief.calibration.states == 0 and belief.modes.coupling.shape[0] == 0
+    return 3 + belief.prior_theta.shape[0] if rigid else belief.mean.shape[0]
+
+
+@inline
+def body_momentum(belief):
+    """M - a, and less what the modes carry: (J - sum d d^T) omega."""
+    residual = subtract(load(belief.mean), load(belief.wheel_input))
+    return residual if belief.modes.coupling.shape[0] == 0 else subtract(residual, modes.momentum(belief))
 
 
 @inline

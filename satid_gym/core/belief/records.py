@@ -7,17 +7,19 @@ import functools
 import numpy as np
 
 from satid_gym.core.belief.adaptation import adaptation_dtype, adaptation_work_dtype
+from satid_gym.core.belief.alignment import alignment_dtype
 from satid_gym.core.belief.calibration import calibration_dtype
 from satid_gym.core.belief.gating import gate_dtype
+from satid_gym.core.belief.modes import modes_dtype, modes_work_dtype
 from satid_gym.core.records import FLOAT, INT
 
 
 @functools.cache
-def belief_dtype(n: int, p: int, size: int, errors: int = 0) -> np.dtype:
+def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lines: int = 0) -> np.dtype:
     """Belief: what the filter was told before launch, and its state.
 
-    mean is [M, theta, disturbance torque, `errors` of sensors and wheels] for MOMENTUM, [omega, theta, wheel speed] for
-    RATE.
+    mean is [M, theta, disturbance torque, 5 states of each of so many `modes`, `errors` of sensors and wheels] for
+    MOMENTUM, [omega, theta, wheel speed] for RATE. `lines`: room for readings that are aligned.
     """
     return np.dtype(
         [
@@ -45,18 +47,23 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0) -> np.dtype:
             ("rate_coordinates", INT),  # 1: updates are made in errors of the rate, see `retraction`
             ("reference_rate", FLOAT, 3),  # of these updates
             ("stepped", INT),  # 1: since a step of the inertia was found theta is known coarsely
+            ("is_told", INT),  # 1: of a deployment or release when it is commanded, see `announcement`
+            ("announced", FLOAT),  # share of the change that comes in this sample
+            ("leaves", INT),  # 1: what changes leaves with its momentum
             ("stuck", INT, n),  # 1: the tachometer repeats itself; 2: did so until this reading
             ("rejected", INT),  # readings rejected, repeated ones among them
             ("gate", gate_dtype(n)),
             ("adaptation", adaptation_dtype(p)),
+            ("modes", modes_dtype(modes)),
             ("calibration", calibration_dtype(n, errors)),
+            ("alignment", alignment_dtype(n, lines)),
         ],
         align=True,
     )
 
 
 @functools.cache
-def work_dtype(n: int, p: int, size: int) -> np.dtype:
+def work_dtype(n: int, p: int, size: int, modes: int = 0) -> np.dtype:
     """Scratch space of one thread."""
     wide = max(size, 3)
     return np.dtype(
@@ -80,6 +87,7 @@ def work_dtype(n: int, p: int, size: int) -> np.dtype:
             ("theta_covariance", FLOAT, (p, p)),
             ("adaptation", adaptation_work_dtype(p)),
             ("wheel", FLOAT, (4, n)),
+            ("modes", modes_work_dtype(modes, size)),
         ],
         align=True,
     )

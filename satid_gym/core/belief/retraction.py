@@ -6,18 +6,19 @@ omega, as of a gyro's bias, then makes a reading look like information on theta 
 
     d omega = J^-1 (dM - L(omega) dtheta - sum_k Omega_k de_k)
 
-a reading has no derivative by theta, and only a change of the rate in time, by the wheels, tells of it. So the mean is
-moved in (omega, theta, ...), M = J omega + a follows, and the covariance of M is taken to the new omega and J. The rate
-at which derivatives are taken, `reference_rate`, follows these corrections; it follows the motion where that is beyond
-the noise of the tachometers, which are no excitation.
+with e all errors of the wheels' momentum, and with what `modes` add to it, a reading has no derivative by theta, and
+only a change of the rate in time, by the wheels, tells of it. So the mean is moved in (omega, theta, ...),
+M = J omega + a follows, and the covariance of M is taken to the new omega and J. The rate at which derivatives are
+taken, `reference_rate`, follows these corrections; it follows the motion where that is beyond the noise of the
+tachometers, which are no excitation.
 Source: this project's design; its model is the invariant EKF, Barrau and Bonnabel, The invariant extended Kalman filter
 as a stable observer (2017), where errors are chosen so that what cannot be observed does not depend on the estimate.
 """
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import add, inverse, load, multiply, store, store_symmetric, subtract
-from satid_gym.core.belief import calibration
+from satid_gym.core.algebra import add, axpy, inverse, load, multiply, store, store_symmetric, subtract
+from satid_gym.core.belief import calibration, modes
 from satid_gym.core.belief.kalman import estimated_inertia, inertia_of, propagate, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -50,11 +51,20 @@ def begin(belief, work):
 @outline
 def finish(belief, work):
     """Take mean and covariance of M after an update to the rate that it has found."""
-    p, n, w = belief.prior_theta.shape[0], belief.speed.shape[0], belief.calibration.wheels
-    mean, prior, rate = belief.mean, work.prior_mean, load(belief.reference_rate)
-    J_inv = inverse(inertia_of(prior[3 : 3 + p]))
-    inertia = estimated_inertia(belief)
+    p, n, w = belief.prior_theta.shape[0], belief.calibration.spin_count, belief.calibration.spins
+    scale, mean, prior, rate = belief.calibration.spin_scale, belief.mean, work.prior_mean, load(belief.reference_rate)
+    flexible = belief.modes.coupling.shape[0]
+    J_inv = inverse(modes.body_inertia(belief, prior, inertia_of(prior[3 : 3 + p])))
+    carried = subtract(load(prior), load(belief.wheel_input))
     identity, turned, regressor, transition = work.jacobian[0], work.jacobian[1], work.regressor, work.transition
+    first_mode = 6 + p
+    if flexible > 0:
+        modes.write_rate_errors(belief, prior, rate, work.rows)
+        for i in range(flexible):
+            d = load(belief.modes.d[i])
+            carried = axpy(-prior[first_mode + modes.STATES * i + 1], d, carried)
+        modes.refresh(belief)
+    inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
     _write_product(inertia, J_inv, turned)
     store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, rate, regressor)
@@ -62,13 +72,19 @@ def finish(belief, work):
     for k in range(p):
         d = mean[3 + k] - prior[3 + k]
         change = subtract(change, (d * regressor[0, k], d * regressor[1, k], d * regressor[2, k]))
-    if w > 0:
-        for k in range(n):
-            for i in range(3):
-                d = belief.speed[k] * (mean[w + 3 * k + i] - prior[w + 3 * k + i])
-                change = subtract(change, (d if i == 0 else 0.0, d if i == 1 else 0.0, d if i == 2 else 0.0))
+    for j in range(first_mode, first_mode + modes.STATES * flexible):
+        change = axpy(mean[j] - prior[j], modes.load_column(work.rows, j), change)
+    lasting = change
+    for k in range(n):
+        if k == n - belief.alignment.noise_taps:
+            lasting = change  # what an encoder's errors change was in no rate before
+        for i in range(3):
+            d = scale[k] * (mean[w + 3 * k + i] - prior[w + 3 * k + i])
+            change = subtract(change, (d if i == 0 else 0.0, d if i == 1 else 0.0, d if i == 2 else 0.0))
+    if belief.alignment.noise_taps == 0:
+        lasting = change
     correction = multiply(J_inv, change)
-    omega = add(multiply(J_inv, subtract(load(prior), load(belief.wheel_input))), correction)
+    omega = add(multiply(J_inv, carried), correction)
     for i in range(3):
         for j in range(transition.shape[1]):
             transition[i, j] = 0.0
@@ -77,11 +93,12 @@ def finish(belief, work):
         for k in range(p):
             for j in range(3):
                 transition[i, 3 + k] -= turned[i, j] * regressor[j, k]
-        if w > 0:
-            for k in range(n):
-                for j in range(3):
-                    transition[i, w + 3 * k + j] = belief.speed[k] * (identity[i, j] - turned[i, j])
-    rate = add(rate, correction)
+        for k in range(n):
+            for j in range(3):
+                transition[i, w + 3 * k + j] = scale[k] * (identity[i, j] - turned[i, j])
+    rate = add(rate, multiply(J_inv, lasting))
+    if flexible > 0:
+        _write_modes(belief, work, rate, turned)
     write_times_regressor(identity, rate, regressor)
     for i in range(3):
         for k in range(p):
@@ -90,7 +107,26 @@ def finish(belief, work):
     store(belief.reference_rate, rate)
     a = calibration.wheel_input(belief, belief.speed)
     store(belief.wheel_input, a)
-    store(mean, add(multiply(inertia, omega), a))
+    total = add(multiply(inertia, omega), a)
+    store(mean, total if flexible == 0 else add(total, modes.momentum(belief)))
+
+
+@inline
+def _write_modes(belief, work, rate, turned):
+    """Columns of the modes in the transition of M, whose errors of the rate before are in work.rows; their own rows."""
+    transition, before, after = work.transition, work.rows, work.modes.omega
+    first, last = belief.modes.first, belief.modes.first + modes.STATES * belief.modes.coupling.shape[0]
+    modes.write_rate_errors(belief, belief.mean, rate, after)
+    for i in range(3):
+        for j in range(first, last):
+            total = -after[i, j]
+            for k in range(3):
+                total += turned[i, k] * before[k, j]
+            transition[i, j] = total
+    for r in range(3, 3 + 2 * belief.modes.coupling.shape[0]):
+        for j in range(transition.shape[1]):
+            transition[r, j] = 0.0
+        transition[r, modes.moving(belief, r)] = 1.0
 
 
 @inline

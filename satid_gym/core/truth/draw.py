@@ -8,7 +8,6 @@ from satid_gym.core.algebra import (
     axpy,
     axpy_symmetric,
     dot,
-    is_physical,
     load_symmetric,
     multiply,
     norm,
@@ -19,15 +18,15 @@ from satid_gym.core.random import between, normal, uniform
 from satid_gym.core.records import InertiaMode
 from satid_gym.core.truth.disturbance import to_body
 from satid_gym.core.truth.dynamics import set_momenta, set_speeds
+from satid_gym.core.truth.inertia_law import steps
+from satid_gym.core.truth.oscillator_draw import draw_oscillators, draw_scale, fits
+from satid_gym.core.truth.oscillator_geometry import point_inertia
+from satid_gym.core.truth.sampling import begin_sampling, draw_delay
 from satid_gym.core.wheels import wheel_axis
 
 _DRAWS_MAX = 1000
-_STATIC, _STEP, _PERIODIC, _TABLE = (
-    int(InertiaMode.STATIC),
-    int(InertiaMode.STEP),
-    int(InertiaMode.PERIODIC),
-    int(InertiaMode.TABLE),
-)
+_STATIC, _PERIODIC, _TABLE = int(InertiaMode.STATIC), int(InertiaMode.PERIODIC), int(InertiaMode.TABLE)
+_DEPLOYMENT = int(InertiaMode.DEPLOYMENT)
 
 
 @inline
@@ -57,7 +56,10 @@ def _within(stream, bounds):
 
 @inline
 def _draw_law(draw, plant):
-    """Write the inertia law's parameters and return its relative size; a table stays, and the draws are the same."""
+    """Write the inertia law's parameters and return its relative size.
+
+    A table or the law of a mass stays, and the draws are the same; a mass whose place is drawn then draws more.
+    """
     stream = plant.stream
     u, law, reached = uniform(stream), _PERIODIC, draw.law_probability[_STATIC]
     for candidate in range(_STATIC, _PERIODIC):
@@ -65,15 +67,27 @@ def _draw_law(draw, plant):
             law = candidate
             break
         reached += draw.law_probability[candidate + 1]
-    if plant.law != _TABLE:
+    if plant.law < _TABLE:
         plant.law = law
     size = _within(stream, draw.law_size[law])
     plant.law_time = _within(stream, draw.law_time[law])
     plant.law_frequency = _within(stream, draw.law_frequency)
     plant.law_phase = _within(stream, draw.law_phase)
-    if plant.law == _STEP and plant.law_time <= 0.0:
+    if steps(plant) and plant.law_time <= 0.0:
         plant.stepped = 1
+    if plant.law >= _DEPLOYMENT and draw.change_given == 0:
+        plant.law_duration = _within(stream, draw.law_duration)
+        size = _within(stream, draw.mass_size)
     return size
+
+
+@inline
+def _draw_mass(plant, size, inertia):
+    """Change by a mass in a direction drawn on the sphere, m r^2 being `size` times the mean moment (symmetric)."""
+    x, y, z = normal(plant.stream), normal(plant.stream), normal(plant.stream)
+    mean = (inertia[0] + inertia[1] + inertia[2]) / 3.0
+    k = (size if plant.law == _DEPLOYMENT else -size) * mean / (x * x + y * y + z * z)
+    return point_inertia(k, (x, y, z))
 
 
 @outline
@@ -87,7 +101,7 @@ def _fits_table(draw, plant, inertia):
         if draw.change_given == 0:
             for i in range(6):
                 d[i] = draw.knot_size[k] * inertia[i]
-        if not is_physical(axpy_symmetric(1.0, (d[0], d[1], d[2], d[3], d[4], d[5]), inertia)):
+        if not fits(plant.oscillators, axpy_symmetric(1.0, (d[0], d[1], d[2], d[3], d[4], d[5]), inertia)):
             return False
     return True
 
@@ -99,15 +113,20 @@ def _draw_body(draw, plant):
     nominal, change = load_symmetric(plant.inertia), load_symmetric(plant.change)
     low = -1.0 if plant.law == _PERIODIC else 0.0
     for _ in range(_DRAWS_MAX):
+        draw_scale(draw, plant)
         inertia = _draw_inertia(draw, nominal, plant.stream)
         if draw.change_given == 0:
-            change = axpy_symmetric(size, inertia, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        ends = is_physical(axpy_symmetric(low, change, inertia)) and is_physical(axpy_symmetric(1.0, change, inertia))
+            if plant.law >= _DEPLOYMENT:
+                change = _draw_mass(plant, size, inertia)
+            else:
+                change = axpy_symmetric(size, inertia, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        o = plant.oscillators
+        ends = fits(o, axpy_symmetric(low, change, inertia)) and fits(o, axpy_symmetric(1.0, change, inertia))
         if plant.law == _STATIC:
             ends = True
         if plant.law == _TABLE:
             ends = _fits_table(draw, plant, inertia)
-        if ends and is_physical(inertia):
+        if ends and fits(o, inertia):
             store_symmetric(plant.inertia, inertia)
             store_symmetric(plant.change, change)
             return True
@@ -191,6 +210,8 @@ def draw_plant(draw, plant):
     stream = plant.stream
     if not _draw_body(draw, plant):
         return False
+    if plant.oscillators.mass.shape[0] > 0:
+        draw_oscillators(draw, plant)
     std = draw.disturbance_std * np.sqrt(0.5)
     for i in range(3):
         plant.torque_constant[i] += std * normal(stream)
@@ -210,8 +231,11 @@ def draw_plant(draw, plant):
             plant.attitude[i] /= np.sqrt(square)
     _draw_gyro(draw, plant)
     _draw_wheels(draw, plant)
+    draw_delay(draw.tolerance_tachometer_delay, plant)
     set_momenta(plant)
     set_speeds(plant)
+    if plant.sampling.on != 0:
+        begin_sampling(plant)
     if draw.faulty != 0:
         _draw_faults(draw, plant)
     return True

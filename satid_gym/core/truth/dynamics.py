@@ -1,4 +1,4 @@
-"""Dynamics of a rigid body with reaction wheels, in momentum form.
+"""Dynamics of a body with reaction wheels, in momentum form; what bends or sloshes is in `oscillators`.
 
     dM/dt = -omega x M + tau_ext       dh/dt = u       dq/dt = q * omega / 2
     omega = (J - A j A^T)^-1 (M - A h)                 Omega = h / j - A^T omega
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from satid_gym.core.algebra import add, axpy, axpy_symmetric, cross, inverse, load, multiply, store, subtract
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.truth import oscillators
 from satid_gym.core.truth.disturbance import external_torque, orbit_phase
 from satid_gym.core.truth.inertia_law import inertia_at
 from satid_gym.core.wheels import along_axis, sum_wheels, wheel_axis
@@ -21,27 +22,33 @@ from satid_gym.core.wheels import along_axis, sum_wheels, wheel_axis
 
 @inline
 def conditions(plant, free, t):
-    """What the derivative takes from the time alone: J(t), (J - A j A^T)^-1 and the orbit's phase.
+    """What the derivative takes from the time alone: J(t), J - A j A^T, its inverse and the orbit's phase.
 
     `free` is A j A^T of the wheels that are not locked (symmetric), kg m^2.
     """
     inertia = inertia_at(plant, t)
-    return inertia, inverse(axpy_symmetric(-1.0, free, inertia)), orbit_phase(plant, t)
+    rest = axpy_symmetric(-1.0, free, inertia)
+    return inertia, rest, inverse(rest), orbit_phase(plant, t)
 
 
 @outline
-def derivative(plant, at, state, wheels):
-    """dM/dt and dq/dt of the state (M, q).
+def derivative(plant, at, state, wheels, stage):
+    """Derivative (dM/dt, dq/dt) of the state (M, q), and omega; oscillators have theirs beside it, see `state`.
 
     Args:
         plant: truth.
         at: `conditions` of the instant.
         state: see `satid_gym.core.truth.state`.
         wheels: A h of the wheels, N m s.
+        stage: of the Runge-Kutta method, 0 to 3.
     """
     m, q = state
-    inertia, J_inv, phase = at
-    omega = multiply(J_inv, subtract(m, wheels))
+    inertia, rest, J_inv, phase = at
+    residual = subtract(m, wheels)
+    if plant.oscillators.mass.shape[0] == 0:
+        omega = multiply(J_inv, residual)
+    else:
+        omega = oscillators.write_slope(plant.oscillators, stage, rest, residual)
     torque = external_torque(plant, phase, q, inertia)
     x, y, z = omega
     spin = (
@@ -50,13 +57,7 @@ def derivative(plant, at, state, wheels):
         0.5 * (q[3] * z + q[0] * y - q[1] * x),
         -0.5 * (q[0] * x + q[1] * y + q[2] * z),
     )
-    return add(cross(m, omega), torque), spin
-
-
-@inline
-def rate_of(inertia, free, momentum, wheels):
-    """omega = (J - A j A^T)^-1 (M - A h)."""
-    return multiply(inverse(axpy_symmetric(-1.0, free, inertia)), subtract(momentum, wheels))
+    return (add(cross(m, omega), torque), spin), omega
 
 
 @inline
@@ -82,9 +83,14 @@ def sum_free(plant, values):
 
 @outline
 def set_speeds(plant):
-    """Write rate and wheel speed from the momenta at plant.time."""
-    wheels = sum_wheels(plant.axes, plant.wheel_momentum)
-    omega = rate_of(inertia_at(plant, plant.time), free_wheel_inertia(plant), load(plant.momentum), wheels)
+    """Write rate, wheel speed and rates of the oscillators from the momenta at plant.time."""
+    o = plant.oscillators
+    residual = subtract(load(plant.momentum), sum_wheels(plant.axes, plant.wheel_momentum))
+    rest = axpy_symmetric(-1.0, free_wheel_inertia(plant), inertia_at(plant, plant.time))
+    if o.mass.shape[0] == 0:
+        omega = multiply(inverse(rest), residual)
+    else:
+        omega = oscillators.rate_at(o, rest, residual, o.deflection, o.momentum)
     store(plant.rate, omega)
     for k in range(plant.locked.shape[0]):
         speed = plant.wheel_momentum[k] / plant.wheel_inertia[k]
@@ -101,8 +107,11 @@ def spin_momentum(plant, k):
 
 @inline
 def set_momenta(plant):
-    """Write the momenta from rate and wheel speed at plant.time; no wheel is locked."""
-    momentum = multiply(inertia_at(plant, plant.time), load(plant.rate))
+    """Write the momenta from rate, wheel speed and the oscillators' motion at plant.time; no wheel is locked."""
+    inertia = inertia_at(plant, plant.time)
+    momentum = multiply(inertia, load(plant.rate))
+    if plant.oscillators.mass.shape[0] > 0:
+        momentum = add(momentum, oscillators.start(plant.oscillators, inertia, load(plant.rate)))
     for k in range(plant.locked.shape[0]):
         plant.locked[k] = 0
         plant.wheel_momentum[k] = spin_momentum(plant, k)

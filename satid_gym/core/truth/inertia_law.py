@@ -14,16 +14,37 @@ _STEP, _DRIFT, _PERIODIC, _TABLE = (
     int(InertiaMode.PERIODIC),
     int(InertiaMode.TABLE),
 )
+_DEPLOYMENT, _FUEL, _RELEASE = int(InertiaMode.DEPLOYMENT), int(InertiaMode.FUEL), int(InertiaMode.RELEASE)
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@inline
+def steps(plant):
+    """Whether J steps at law_time."""
+    return plant.law == _STEP or plant.law == _RELEASE
+
+
+@inline
+def _drifts(plant):
+    return plant.law == _DRIFT or plant.law == _FUEL
+
+
+@inline
+def _deployed(plant, t):
+    """Time since a deployment began over its duration, within 0 and 1."""
+    return min(max((t - plant.law_time) / plant.law_duration, 0.0), 1.0)
 
 
 @inline
 def _factor(plant, t):
     """f(t) of J(t) = inertia + f(t) change."""
-    if plant.law == _STEP:
+    if steps(plant):
         return np.float64(plant.stepped)
-    if plant.law == _DRIFT:
+    if _drifts(plant):
         return min(t / plant.law_time, 1.0)
+    if plant.law == _DEPLOYMENT:
+        s = _deployed(plant, t)
+        return s * s * (3.0 - 2.0 * s)
     if plant.law == _PERIODIC:
         return np.sin(2.0 * np.pi * plant.law_frequency * t + plant.law_phase)
     return 0.0
@@ -32,8 +53,11 @@ def _factor(plant, t):
 @inline
 def _factor_slope(plant, t):
     """df/dt between steps, 1/s."""
-    if plant.law == _DRIFT:
+    if _drifts(plant):
         return 1.0 / plant.law_time if t < plant.law_time else 0.0
+    if plant.law == _DEPLOYMENT:
+        s = _deployed(plant, t)
+        return 6.0 * s * (1.0 - s) / plant.law_duration
     if plant.law == _PERIODIC:
         w = 2.0 * np.pi * plant.law_frequency
         return w * np.cos(w * t + plant.law_phase)
@@ -101,9 +125,11 @@ def inertia_slope(plant, t):
 @inline
 def next_bend(plant, end):
     """First instant after plant.time and not after `end` at which J steps or its slope changes; else `end`."""
-    bends = plant.law == _DRIFT and plant.time < plant.law_time
-    if bends or (plant.law == _STEP and plant.stepped == 0):
+    bends = (_drifts(plant) or plant.law == _DEPLOYMENT) and plant.time < plant.law_time
+    if bends or (steps(plant) and plant.stepped == 0):
         return min(plant.law_time, end)
+    if plant.law == _DEPLOYMENT and plant.time < plant.law_time + plant.law_duration:
+        return min(plant.law_time + plant.law_duration, end)
     if plant.law == _TABLE:
         following = _knot_before(plant, plant.time) + 1
         if following < plant.knots:
@@ -112,10 +138,24 @@ def next_bend(plant, end):
 
 
 @inline
-def take_step(plant):
-    """Let J step where the time of its step has come."""
-    if plant.law == _STEP and plant.time >= plant.law_time:
-        plant.stepped = 1
+def is_released(plant):
+    """Whether what leaves in a step takes its angular momentum along."""
+    return plant.law == _RELEASE
+
+
+@inline
+def moves_mass(plant):
+    """Whether somebody commands the change of J, at law_time."""
+    return plant.law == _DEPLOYMENT or plant.law == _RELEASE
+
+
+@inline
+def announced_share(plant, dt):
+    """Share of the commanded change that came in the dt seconds until plant.time: of its duration, or all at once."""
+    if plant.law == _DEPLOYMENT:
+        return _deployed(plant, plant.time) - _deployed(plant, plant.time - dt)
+    since = plant.time - dt * (1.0 + 1e-9)  # so that rounding does not lose it
+    return 1.0 if since < plant.law_time <= plant.time else 0.0
 
 
 @inline

@@ -9,10 +9,13 @@ import numpy as np
 
 from satid_gym.core.algebra import axpy, axpy_symmetric, dot, inverse, load, multiply, norm, subtract
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.truth import friction, oscillators
 from satid_gym.core.truth.dynamics import conditions, derivative, free_wheel_inertia, set_speeds, sum_free
-from satid_gym.core.truth.inertia_law import inertia_at, law_turn, next_bend, take_step
+from satid_gym.core.truth.increments import add_increments
+from satid_gym.core.truth.inertia_law import inertia_at, law_turn, next_bend
 from satid_gym.core.truth.speed_limit import AT_LIMIT, hold_or_release, limit_speeds, overspeed, present_overspeed
 from satid_gym.core.truth.state import add_state, axpy_state, load_state, store_state
+from satid_gym.core.truth.step import take_step
 from satid_gym.core.wheels import sum_wheels
 
 _TURN_MAX = 0.5  # rad, that body and momentum may turn against each other in one Runge-Kutta step
@@ -38,16 +41,36 @@ def _rk4(plant, torque, h):
     start = sum_wheels(plant.axes, plant.wheel_momentum)
     push = sum_free(plant, torque)
     half, end = axpy(0.5 * h, push, start), axpy(h, push, start)
+    rubs, middle_half = plant.rubs != 0, half
     middle, last = conditions(plant, free, t + 0.5 * h), conditions(plant, free, t + h)
-    k1 = derivative(plant, conditions(plant, free, t), x, start)
-    k2 = derivative(plant, middle, axpy_state(0.5 * h, k1, x), half)
-    k3 = derivative(plant, middle, axpy_state(0.5 * h, k2, x), half)
-    k4 = derivative(plant, last, axpy_state(h, k3, x), end)
+    o = plant.oscillators
+    oscillators.begin_stage(o, 0.0, 0)
+    k1, omega = derivative(plant, conditions(plant, free, t), x, start, 0)
+    if rubs:
+        half = friction.wheels_after(plant, torque, 0, h, omega)
+    oscillators.begin_stage(o, 0.5 * h, 0)
+    k2, omega = derivative(plant, middle, axpy_state(0.5 * h, k1, x), half, 1)
+    if rubs:
+        middle_half = friction.wheels_after(plant, torque, 1, h, omega)
+    oscillators.begin_stage(o, 0.5 * h, 1)
+    k3, omega = derivative(plant, middle, axpy_state(0.5 * h, k2, x), middle_half, 2)
+    if rubs:
+        end = friction.wheels_after(plant, torque, 2, h, omega)
+    oscillators.begin_stage(o, h, 2)
+    k4, omega = derivative(plant, last, axpy_state(h, k3, x), end, 3)
+    if rubs:
+        end = friction.wheels_after(plant, torque, 3, h, omega)
+    oscillators.end_step(o, h)
     slope = axpy_state(2.0, add_state(k2, k3), add_state(k1, k4))
     m1, m2, m3, m4, k = k1[0], k2[0], k3[0], k4[0], h / 6.0
     error = k * k * dot(slope[0], slope[0]) - 2.0 * h * k * (dot(m1, m2) + dot(m2, m3) + dot(m3, m4))
     state = axpy_state(k, slope, x)
-    return state, end, multiply(last[1], subtract(state[0], end)), abs(error)
+    residual = subtract(state[0], end)
+    if o.mass.shape[0] == 0:
+        omega = multiply(last[2], residual)
+    else:
+        omega = oscillators.rate_at(o, last[1], residual, o.stage[0], o.stage[1])
+    return state, end, omega, abs(error)
 
 
 @inline
@@ -67,7 +90,7 @@ def _until_limit(plant, torque, h, over):
     for _ in range(_TRIALS_MAX):
         h = high - f_high * (high - low) / (f_high - f_low)
         _state, _wheels, omega, _error = _rk4(plant, torque, h)
-        f = overspeed(plant, torque, h, omega)
+        f = overspeed(plant, torque if plant.rubs == 0 else plant.net_torque, h, omega)
         if abs(f) <= 0.5 * AT_LIMIT:
             return h
         if f > 0.0:
@@ -92,9 +115,14 @@ def integrate(plant, torque, duration):
     """
     end = plant.time + duration
     events = halvings = 0
+    net = torque if plant.rubs == 0 else plant.net_torque
     while plant.time < end:
-        hold_or_release(plant, torque, events > _EVENTS_MAX)
+        if plant.rubs != 0:
+            friction.write_net_torque(plant, torque)
+        hold_or_release(plant, net, events > _EVENTS_MAX)
         stop = next_bend(plant, end)
+        if plant.rubs != 0:
+            stop = min(stop, plant.time + friction.longest_step(plant, torque, stop - plant.time))
         h = stop - plant.time
         while True:
             state, wheels, omega, error = _rk4(plant, torque, h)
@@ -103,15 +131,19 @@ def integrate(plant, torque, duration):
             halvings += 1
             h *= 0.5
             stop = plant.time + h
-        over = overspeed(plant, torque, h, omega)
+        over = overspeed(plant, net, h, omega)
         if over > 0.5 * AT_LIMIT and events <= _EVENTS_MAX:
             h = _until_limit(plant, torque, h, over)
             stop = min(plant.time + h, end)
             state, wheels, omega, _error = _rk4(plant, torque, h)
             events += 1
+        if plant.sampling.on != 0:
+            _state, _wheels, middle, _error = _rk4(plant, torque, 0.5 * h)
+            state, wheels, omega, _error = _rk4(plant, torque, h)  # again, for what it leaves in the plant's records
+            add_increments(plant, net, h, middle, omega)
         for k in range(torque.shape[0]):
             if plant.locked[k] == 0:
-                plant.wheel_momentum[k] += h * torque[k]
+                plant.wheel_momentum[k] += h * net[k]
         store_state(plant, state)
         plant.time = stop
         take_step(plant)
@@ -124,12 +156,14 @@ def advance(plant, torque, duration):
     """Move the plant on by `duration` seconds of constant motor torque (n,), in as many steps as the body may turn far.
 
     One step in all but coarse sampling. Body rate and nutation are at most (|M| + |A h|) tr(J^-1), J without the free
-    wheels; the phase of a periodic inertia law counts as well.
+    wheels; the phase of a periodic inertia law and that of oscillators count as well.
     """
     m, a = load(plant.momentum), sum_wheels(plant.axes, plant.wheel_momentum)
     f = inverse(axpy_symmetric(-1.0, free_wheel_inertia(plant), inertia_at(plant, plant.time)))
     push = duration * norm(sum_free(plant, torque))
     turn = duration * (norm(m) + norm(a) + push) * (f[0] + f[1] + f[2])
+    if plant.oscillators.mass.shape[0] > 0:
+        turn += oscillators.step_turn(plant.oscillators, duration)
     steps = min(max(np.ceil((turn + law_turn(plant, duration)) / _TURN_MAX), 1.0), _STEPS_MAX)
     start = plant.time
     for step in range(np.int64(steps)):

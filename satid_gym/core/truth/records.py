@@ -7,6 +7,8 @@ import functools
 import numpy as np
 
 from satid_gym.core.records import FLOAT, INT, UINT, Field
+from satid_gym.core.truth.oscillator_geometry import oscillators_dtype
+from satid_gym.core.truth.sampling import sampling_dtype
 
 
 def _wheels(n: int) -> list[Field]:
@@ -19,21 +21,29 @@ def _wheels(n: int) -> list[Field]:
 
 
 @functools.cache
-def plant_dtype(n: int, knots: int = 1) -> np.dtype:
+def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0) -> np.dtype:
     """Truth: wheels, body, environment, sensors, and the random stream that moves them.
 
     `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 for other laws.
+    `lines`: room for readings on their way, where sensors are timed.
     """
     return np.dtype(
         [
             *_wheels(n),
             ("torque_noise_std", FLOAT, n),
             ("torque_lag", FLOAT),  # time constant of the motor, s
+            ("rubs", INT),  # 1: the wheels have friction
+            ("friction_coulomb", FLOAT),
+            ("friction_static", FLOAT),
+            ("friction_viscous", FLOAT),
+            ("stribeck_speed", FLOAT),
+            ("avoided_speed", FLOAT, 2),  # band of |wheel speed| that operators avoid; empty where equal
             # body: J(t) = inertia + f(t) change, f by the law; of a table J(t) = inertia + D(t)
             ("inertia", FLOAT, (3, 3)),
             ("law", INT),
             ("change", FLOAT, (3, 3)),
-            ("law_time", FLOAT),  # when the step comes; how long the drift takes
+            ("law_time", FLOAT),  # when step, release or deployment comes; how long drift or fuel take
+            ("law_duration", FLOAT),  # of a deployment, s
             ("law_frequency", FLOAT),  # Hz
             ("law_phase", FLOAT),
             ("stepped", INT),  # 1 once the step has come
@@ -41,6 +51,7 @@ def plant_dtype(n: int, knots: int = 1) -> np.dtype:
             ("knot_time", FLOAT, knots),  # s, increasing
             ("knot_change", FLOAT, (knots, 6)),  # D at a knot: xx, yy, zz, xy, xz, yz; linear between
             ("inertia_walk", FLOAT, 3),  # random walk of the moments, kg m^2 per sqrt(s), in studies alone
+            ("oscillators", oscillators_dtype(oscillators)),
             # environment
             ("orbit_rate", FLOAT),
             ("gravity_gradient", INT),  # 0: off
@@ -65,6 +76,10 @@ def plant_dtype(n: int, knots: int = 1) -> np.dtype:
             ("motor_torque", FLOAT, n),  # behind the lag
             ("gyro_bias", FLOAT, 3),
             ("stream", UINT, 4),
+            # of a step in which wheels rub
+            ("wheel_slope", FLOAT, (4, n)),  # dh/dt at its stages
+            ("stage_momentum", FLOAT, n),
+            ("net_torque", FLOAT, n),  # mean, of motor less friction
             # derived from the state at `time`
             ("rate", FLOAT, 3),
             ("wheel_speed", FLOAT, n),
@@ -72,6 +87,7 @@ def plant_dtype(n: int, knots: int = 1) -> np.dtype:
             ("gyro", FLOAT, 3),
             ("tachometer", FLOAT, n),
             *_faults(n),
+            ("sampling", sampling_dtype(n, lines)),
         ],
         align=True,
     )
@@ -100,7 +116,7 @@ def _faults(n: int) -> list[Field]:
 
 
 @functools.cache
-def draw_dtype(knots: int = 1) -> np.dtype:
+def draw_dtype(knots: int = 1, oscillators: int = 0) -> np.dtype:
     """How a satellite's episodes depart from its templates, the records of plant, belief and task."""
     return np.dtype(
         [
@@ -115,6 +131,8 @@ def draw_dtype(knots: int = 1) -> np.dtype:
             ("law_time", FLOAT, (4, 2)),
             ("law_frequency", FLOAT, 2),
             ("law_phase", FLOAT, 2),
+            ("mass_size", FLOAT, 2),  # m r^2 of a mass whose place is drawn, relative to the mean moment
+            ("law_duration", FLOAT, 2),  # s
             ("change_given", INT),  # 1: the change is absolute tensors of the plant's, law_size is not used
             ("knot_size", FLOAT, knots),  # change at the knots of a table relative to the inertia
             # tolerances: std of what gyro and wheels are off nominal by
@@ -123,6 +141,13 @@ def draw_dtype(knots: int = 1) -> np.dtype:
             ("tolerance_gyro_alignment", FLOAT),  # rad
             ("tolerance_wheel_inertia", FLOAT),
             ("tolerance_wheel_alignment", FLOAT),  # rad
+            # oscillators: std of the logarithms, and the first of a mirrored pair, whose draws the second shares
+            ("oscillator_mass", FLOAT, oscillators),
+            ("oscillator_frequency", FLOAT, oscillators),
+            ("oscillator_damping", FLOAT, oscillators),
+            ("oscillator_twin", INT, oscillators),
+            ("oscillator_deflection", FLOAT, oscillators),  # std of the first one
+            ("tolerance_tachometer_delay", FLOAT),  # sample periods
             # faults: probabilities, and ranges low and high
             ("faulty", INT),  # 0: none can happen, and nothing is drawn
             ("fault_time", FLOAT, 2),  # s

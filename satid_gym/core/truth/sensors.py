@@ -5,27 +5,36 @@ from __future__ import annotations
 from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import normal
-from satid_gym.core.truth import faults
+from satid_gym.core.truth import faults, sampling
 
 
 @outline
 def read_sensors(plant):
     """Write gyro (3,) and tachometer (n,) readings at plant.time."""
     silent, stuck = faults.gyro_dropped(plant), faults.stuck_tachometer(plant)
-    rate = load(plant.rate)
+    sampled = plant.sampling.on != 0
+    rate = sampling.sampled_rate(plant) if sampled else load(plant.rate)
     if plant.gyro_uncalibrated != 0:
         G = plant.gyro_gain
         rate = dot(load(G[0]), rate), dot(load(G[1]), rate), dot(load(G[2]), rate)
     for i in range(3):
         reading = rate[i] + plant.gyro_bias[i] + plant.gyro_noise_std * normal(plant.stream)
+        if plant.sampling.gyro_quantum > 0.0:
+            reading = sampling.count_quanta(plant, i, reading)
         if not silent:
             plant.gyro[i] = reading
     for k in range(plant.tachometer.shape[0]):
-        reading = plant.wheel_speed[k] + plant.tachometer_noise_std * normal(plant.stream)
+        if plant.sampling.pulse > 0.0:
+            reading = sampling.count_pulses(plant, k)
+        else:
+            speed = sampling.sampled_speed(plant, k) if sampled else plant.wheel_speed[k]
+            reading = speed + plant.tachometer_noise_std * normal(plant.stream)
         if k != stuck:
             plant.tachometer[k] = reading
     if plant.faulty != 0:
         faults.spike_gyro(plant)
+    if plant.sampling.gyro_range > 0.0:
+        sampling.limit_gyro(plant)
 
 
 @inline

@@ -1,14 +1,15 @@
-"""Speed limit of the wheels: a wheel that reaches it is locked to the body until its motor pulls it back."""
+"""Speed limits of the wheels: one that reaches its limit is locked to the body until its motor pulls it back."""
 
 from __future__ import annotations
 
 from satid_gym.core.algebra import add, axpy_symmetric, cross, inverse, load, multiply, subtract
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.truth import oscillators
 from satid_gym.core.truth.disturbance import external_torque, orbit_phase
 from satid_gym.core.truth.dynamics import free_wheel_inertia, set_speeds, spin_momentum, sum_free
 from satid_gym.core.truth.inertia_law import inertia_at, inertia_slope
 from satid_gym.core.truth.state import load_state
-from satid_gym.core.wheels import along_axis
+from satid_gym.core.wheels import along_axis, sum_wheels
 
 AT_LIMIT = 1e-11  # relative to the speed limit
 
@@ -39,7 +40,12 @@ def hold_or_release(plant, torque, stay):
     tau = external_torque(plant, orbit_phase(plant, t), q, inertia)
     push = subtract(add(cross(m, omega), tau), sum_free(plant, torque))
     push = subtract(push, multiply(inertia_slope(plant, t), omega))
-    acceleration = multiply(inverse(axpy_symmetric(-1.0, free_wheel_inertia(plant), inertia)), push)
+    rest = axpy_symmetric(-1.0, free_wheel_inertia(plant), inertia)
+    if plant.oscillators.mass.shape[0] == 0:
+        acceleration = multiply(inverse(rest), push)
+    else:
+        residual = subtract(m, sum_wheels(plant.axes, plant.wheel_momentum))
+        acceleration = oscillators.accelerate(plant.oscillators, rest, residual, push)
     for k in range(torque.shape[0]):
         side = 1.0 if plant.wheel_speed[k] > 0.0 else -1.0
         holding = plant.wheel_inertia[k] * along_axis(plant.axes, k, acceleration)
@@ -82,3 +88,13 @@ def limit_speeds(plant):
             beyond = True
     if beyond:
         set_speeds(plant)
+
+
+@inline
+def is_in_avoided_band(plant):
+    """Whether the speed of a wheel is within the band that operators avoid."""
+    low, high = plant.avoided_speed[0], plant.avoided_speed[1]
+    inside = False
+    for k in range(plant.locked.shape[0] if high > low else 0):
+        inside = inside or low <= abs(plant.wheel_speed[k]) <= high
+    return inside

@@ -1,7 +1,6 @@
 """Integrated state of the truth: angular momentum M (3) and attitude q (4), as a tuple of tuples (M, q).
 
-A further state, such as that of a flexible appendage, is one more part of the tuple, here and in
-`dynamics.derivative`; the integrator does not change.
+Oscillators, of which a satellite may have any number, have theirs beside it in arrays: plant.oscillators.stage.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ import numpy as np
 
 from satid_gym.core.algebra import add, axpy, load, store
 from satid_gym.core.jit import inline
+from satid_gym.core.truth import oscillators
 
 
 @inline
@@ -21,8 +21,9 @@ def load_state(plant):
 
 @inline
 def store_state(plant, state):
-    """Write the state, its quaternion normalised."""
+    """Write the state, its quaternion normalised, and that of the oscillators."""
     m, q = state
+    oscillators.keep_stage(plant.oscillators)
     store(plant.momentum, m)
     scale = 1.0 / np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
     for i in range(4):

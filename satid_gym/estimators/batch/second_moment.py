@@ -16,7 +16,7 @@ import scipy.optimize
 
 from satid_gym.estimators.filterpy.model import tensor
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, inertia_parameters
-from satid_gym.satellite import least_second_moment, second_moment
+from satid_gym.rigid_body import least_second_moment, second_moment
 
 _ENTRIES = [(0, 0), (1, 1), (2, 2), *((j, i) for i, j in PRODUCTS)]  # of C: diagonal, then below it
 _SPREAD_MIN = 1e-6  # of tr(S): a start on the boundary would never leave it

@@ -41,8 +41,11 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
             q = slope = q_min * np.exp(e)
         else:
             q, slope = q_min * max(0.0, 1.0 + e * (1.0 + 2.0 * np.sqrt(self._variance))), q_min
-        self.model.walk[3 : 3 + p] = np.sqrt(q) * self._scale
-        self._covariance_slope = self._covariance_slope + np.diag(slope * self._scale**2 * dt)
+        theta, own = self.filter.x[3 : 3 + p], 0.1 if p == 6 else 1.0
+        self.model.walk[3 : 3 + p] = np.sqrt(own * q) * self._scale
+        common = (1.0 - own) * np.outer(theta, theta)
+        self.filter.P[3 : 3 + p, 3 : 3 + p] += q * common * dt
+        self._covariance_slope = self._covariance_slope + slope * dt * (own * np.diag(self._scale**2) + common)
         drift = self.momentum.log_q_drift * min(1.0, 1.0 + e) ** 2
         self._variance = min(self._variance + (drift + 0.002) * dt, 4.0)
         self._since_step += dt

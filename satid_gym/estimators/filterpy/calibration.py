@@ -20,7 +20,8 @@ class CalibratedModel(MomentumModel):
         super().__init__(settings, prior)
         self.rate_coordinates = True
         self.n = prior.wheels.count
-        self.kinds = prior.tolerances.kinds
+        bias, gain, _, wheels = prior.tolerances.kinds
+        self.kinds = bias, gain, wheels
         self.first = self.size
         self.size += prior.tolerances.states(self.n)
         self.walk = np.concatenate([self.walk, np.zeros(self.size - self.first)])
@@ -38,7 +39,8 @@ class CalibratedModel(MomentumModel):
 
     def _columns(self, bias: np.ndarray, gain: np.ndarray, wheels: np.ndarray) -> np.ndarray:
         """Columns (3, c) of a Jacobian, of the errors that the state has."""
-        return np.hstack([part for part, on in zip((bias, gain, wheels), self.kinds, strict=True) if on])
+        parts = [part for part, on in zip((bias, gain, wheels), self.kinds, strict=True) if on]
+        return np.hstack([np.zeros((3, 0)), *parts])
 
     def input(self, wheel_speed: np.ndarray) -> np.ndarray:
         """Wheel speeds as they are."""
@@ -76,8 +78,8 @@ class CalibratedModel(MomentumModel):
         bias, gain, _ = self.errors(x)
         return (np.eye(3) + gain) @ self.rate(x, a) + bias
 
-    def spin_errors(self, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """C (3, size) with J d omega = C dx, at the rate omega: d(M - a) - L(omega) dtheta - sum_k Omega_k de_k."""
+    def spin_errors(self, x: np.ndarray, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """C (3, size) with J d omega = C dx at a state and a rate: d(M - a) - L(omega) dtheta - sum_k Omega_k de_k."""
         by_errors = self._columns(np.zeros((3, 3)), np.zeros((3, 9)), -np.kron(a, np.eye(3)))
         return np.hstack([np.eye(3), -regressor(omega, self.p), np.zeros((3, 3)), by_errors])
 
@@ -86,5 +88,5 @@ class CalibratedModel(MomentumModel):
         likely = self.likely_rate(x, a, gyro)
         by_errors = self._columns(np.eye(3), np.kron(np.eye(3), likely), np.zeros((3, 3 * self.n)))
         direct = np.hstack([np.zeros((3, self.first)), by_errors])
-        by_rate = np.linalg.solve(tensor(self.split(x)[1]), self.spin_errors(a, likely))
+        by_rate = np.linalg.solve(self.inertia(x), self.spin_errors(x, a, likely))
         return (np.eye(3) + self.errors(x)[1]) @ by_rate + direct

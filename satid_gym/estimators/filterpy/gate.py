@@ -86,7 +86,7 @@ class Gate:
         if self.rejections < 3:
             self.coasting = True
             return nis
-        p, steps = model.p, self.since_rejection * model.settings.substeps
+        p, steps = model.p, self.since_rejection * model.settings.steps(model.prior)
         self.rejections = 0
         if not self.confirmed:
             return None

@@ -43,7 +43,7 @@ class MomentumModel:
         self.parameters = estimated_parameters(settings.parameters, prior)
         self.p = PARAMETER_COUNT[self.parameters]
         self.size = self.p + 6
-        self.rate_coordinates = settings.rate_coordinates
+        self.rate_coordinates = settings.updates_rate(prior)
         self.reference = np.zeros(3)
         wheels = prior.wheels
         self.spin = wheels.axes * wheels.inertia
@@ -83,22 +83,25 @@ class MomentumModel:
         noise = inertia @ inertia * self.prior.gyro_noise_std**2 + self.spin_covariance
         covariance[:3, :3] = covariance[:3, 3 : 3 + self.p] @ regress.T + noise
 
+    def inertia(self, x: np.ndarray) -> np.ndarray:
+        """J (3, 3) of a state: what the body's rate carries."""
+        return tensor(self.split(x)[1])
+
     def rate(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """omega = J^-1 (M - a), (3,) rad/s."""
-        m, theta, _ = self.split(x)
-        return np.linalg.solve(tensor(theta), m - a)
+        return np.linalg.solve(self.inertia(x), x[:3] - a)
 
     def reading(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Gyro reading that is expected, (3,) rad/s: the rate."""
         return self.rate(x, a)
 
-    def spin_errors(self, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """C (3, size) with J d omega = C dx, at the rate omega: d(M - a) - L(omega) dtheta."""
+    def spin_errors(self, x: np.ndarray, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """C (3, size) with J d omega = C dx at a state and the rate omega: d(M - a) - L(omega) dtheta."""
         return np.hstack([np.eye(3), -regressor(omega, self.p), np.zeros((3, 3))])
 
     def rate_jacobian(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Jacobian (3, size) of the rate."""
-        return np.linalg.solve(tensor(self.split(x)[1]), self.spin_errors(a, self.rate(x, a)))
+        return np.linalg.solve(self.inertia(x), self.spin_errors(x, a, self.rate(x, a)))
 
     def slope(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dx/dt (size,): M x omega + tau, and nothing else moves by itself."""
@@ -130,20 +133,24 @@ class MomentumModel:
         """Random walks over h, and what tachometer noise does to M: h dt [M x] J^-1 N J^-1 [M x]^T."""
         noise = np.diag(self.walk**2 * h)
         middle = x + 0.5 * h * self.slope(x, a0)
-        gain = skew(middle[:3]) @ np.linalg.inv(tensor(self.split(x)[1]))
+        gain = skew(middle[:3]) @ np.linalg.inv(self.inertia(x))
         noise[:3, :3] += h * dt * gain @ self.spin_covariance @ gain.T
         return noise
 
+    def curvature(self, x: np.ndarray, covariance: np.ndarray, dt: float) -> np.ndarray:
+        """What the Jacobian of a step leaves out, added to the covariance after it: nothing here."""
+        return np.zeros_like(covariance)
+
     def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """Jacobian of the reading, its part by theta at the most likely rate."""
-        return np.linalg.solve(tensor(self.split(x)[1]), self.spin_errors(a, self.likely_rate(x, a, gyro)))
+        return np.linalg.solve(self.inertia(x), self.spin_errors(x, a, self.likely_rate(x, a, gyro)))
 
     def likely_rate(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """The rate that prediction and reading make most likely, (3,); 0 where that is within its noise.
 
         In rate coordinates, the reference, which moves there where the change is more than noise.
         """
-        J_inv = np.linalg.inv(tensor(self.split(x)[1]))
+        J_inv = np.linalg.inv(self.inertia(x))
         spin = J_inv @ self.spin_covariance @ J_inv
         noise = self.measurement_noise(x)
         likely = self.rate(x, a) + spin @ np.linalg.solve(noise, gyro - self.reading(x, a))
@@ -161,5 +168,5 @@ class MomentumModel:
 
     def measurement_noise(self, x: np.ndarray) -> np.ndarray:
         """R (3, 3): the gyro's noise, and what the tachometers' does to the predicted rate."""
-        J_inv = np.linalg.inv(tensor(self.split(x)[1]))
+        J_inv = np.linalg.inv(self.inertia(x))
         return self.prior.gyro_noise_std**2 * np.eye(3) + J_inv @ self.spin_covariance @ J_inv

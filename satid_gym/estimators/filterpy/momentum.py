@@ -11,6 +11,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from satid_gym.estimators.filterpy.calibration import CalibratedModel
+from satid_gym.estimators.filterpy.flexible import FlexibleModel
 from satid_gym.estimators.filterpy.gate import Gate
 from satid_gym.estimators.filterpy.model import MomentumModel, tensor
 from satid_gym.estimators.inertia import Parameters
@@ -81,11 +82,20 @@ class FilterpyMomentumEKF(Reference):
         return None if self._gate is None else (not self._gate.coasting, self._gate.speed.copy())
 
     def _new_model(self, prior: FilterPrior) -> MomentumModel:
-        if not (self.momentum.calibrate and any(prior.tolerances.kinds)):
-            return MomentumModel(self.momentum, prior)
-        if self.momentum.gate > 0.0:
-            raise ValueError("the gate of FilterpyMomentumEKF knows exact wheels alone: use gate=0 or calibrate=False")
-        return CalibratedModel(self.momentum, prior)
+        if prior.sensors.are_timed:
+            raise ValueError(
+                f"{type(self).__name__} takes gyro and tachometers as read at one instant: use MomentumEKF, or sensors "
+                "that neither integrate nor count, without delay"
+            )
+        calibrates, flexible = self.momentum.calibrate and any(prior.tolerances.kinds), self.momentum.flexible
+        if self.momentum.gate > 0.0 and (calibrates or (flexible and prior.modes)):
+            raise ValueError(
+                "the gate of FilterpyMomentumEKF knows exact wheels and rigid bodies alone: use gate=0, or "
+                "calibrate=False and flexible=False"
+            )
+        if flexible and prior.modes:
+            return FlexibleModel(self.momentum, prior)
+        return CalibratedModel(self.momentum, prior) if calibrates else MomentumModel(self.momentum, prior)
 
     def _new_filter(self) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(dim_x=self.model.size, dim_z=3)
@@ -99,7 +109,7 @@ class FilterpyMomentumEKF(Reference):
             self._a = self._a + shift
             wheel_speed = gate.speed
         start, end = self._a, self.model.input(wheel_speed)
-        steps = self.momentum.substeps
+        steps = self.momentum.steps(self.model.prior)
         h = dt / steps
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
@@ -115,6 +125,7 @@ class FilterpyMomentumEKF(Reference):
         kf.Q = self.model.process_noise(x, a0, h, dt)
         kf.predict_x = lambda u: setattr(kf, "x", self.model.step(x, a0, a1, h))
         kf.predict()
+        kf.P += self.model.curvature(kf.x, kf.P, dt)
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Update with the reading; returns the normalised innovation squared per degree of freedom."""
@@ -165,11 +176,11 @@ class FilterpyMomentumEKF(Reference):
         x = kf.x.copy()
         slope, value, omega = model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.rate(x, a)
         kf.update(gyro, lambda _: slope, lambda _: value, R=model.measurement_noise(x))
-        to_rate = np.linalg.solve(tensor(model.split(x)[1]), model.spin_errors(a, model.reference))
+        to_rate = np.linalg.solve(model.inertia(x), model.spin_errors(x, a, model.reference))
         correction = to_rate @ (kf.x - x)
         model.reference = model.reference + correction
-        inertia, identity = tensor(model.split(kf.x)[1]), np.eye(model.size)
-        identity[:3] = inertia @ to_rate + identity[:3] - model.spin_errors(a, model.reference)
+        inertia, identity = model.inertia(kf.x), np.eye(model.size)
+        identity[:3] = inertia @ to_rate + identity[:3] - model.spin_errors(kf.x, a, model.reference)
         kf.P = identity @ kf.P @ identity.T
         kf.x[:3] += inertia @ (omega + correction - model.rate(kf.x, a))
         return float(kf.y @ kf.SI @ kf.y) / 3.0

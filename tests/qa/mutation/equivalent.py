@@ -38,10 +38,11 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         ": _CANCELLATION = 10.0 -> _CANCELLATION = 20.0": "Joseph's second half mends rounding, and no more",
         "update: continue -> pass": "likewise, where there is next to nothing to mend",
     },
-    "core/belief/momentum_filter": {
-        "_start_momentum: moment = work.jacobian[1] -> moment = work.jacobian[0]": (
-            "what was there is not needed any more"
-        ),
+    "core/belief/momentum_start": {
+        (
+            "start_momentum: s2, moment = (belief.gyro_std ** 2, work.jacobian[1]) -> "
+            "s2, moment = (belief.gyro_std ** 2, work.jacobian[0])"
+        ): ("what was there is not needed any more"),
     },
     "core/belief/momentum_model": {
         (

@@ -1,0 +1,186 @@
+"""Worlds of the study of consistency: sensors and wheels, friction, sampling, sizes, horizons, panels and slosh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from satid_gym.friction import WheelFriction
+from satid_gym.oscillators import Panel, SloshMass
+from satid_gym.policies.registry import NotPreparedError, build, make_baseline
+from satid_gym.policy import Policy
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
+from satid_gym.scenario import Scenario
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
+
+_MODE_STD = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}  # of panels and slosh masses
+_REACHED = 0.25  # part of the rate limit that an open-loop signal may reach
+_SINE_QUARTER = 50.0  # s, in which the sine of 0.01 Hz reaches its largest rate, as a constant torque would
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """World that is flown.
+
+    Attributes:
+        scenario: settings in which it differs from scenario "default".
+        satellites: that it has of its own, in place of the study's.
+        topic: of the table that shows it.
+    """
+
+    scenario: Mapping[str, Any] = field(default_factory=dict)
+    satellites: tuple[Satellite, ...] = ()
+    topic: Literal["calibration", "timing", "flexible"] = "calibration"
+
+
+def _satellite(name: str, moments: float, wheels: tuple[float, float, float], **sheet: float) -> Satellite:
+    """Satellite of moments 1.1, 1 and 0.8 times a number; wheels: torque limit, speed limit, spin inertia."""
+    torque, speed, inertia = wheels
+    return Satellite(
+        name,
+        moments * np.array([1.1, 1.0, 0.8]),
+        ReactionWheels(inertia=inertia, max_torque=torque, max_speed=speed),
+        **sheet,  # type: ignore[arg-type]
+    )
+
+
+# wheels as of CubeSpace CW0017, Blue Canyon RWP100 and Honeywell HR16-100; gyros from MEMS to navigation grade
+POCKETQUBE = _satellite(
+    "pocketqube",
+    1e-3,
+    (2.3e-4, 1047.0, 1.7e-6),
+    rate_limit=0.1,
+    gyro_noise_std=3e-4,
+    tachometer_noise_std=0.1,
+    disturbance_std=2e-7,
+)
+MINISAT = _satellite("minisat", 1.0, (7e-3, 680.0, 1.5e-4), rate_limit=0.03, gyro_noise_std=5e-5, disturbance_std=1e-5)
+OBSERVATORY = _satellite(
+    "observatory",
+    1e4,
+    (0.2, 628.0, 0.159),
+    rate_limit=3e-3,
+    gyro_noise_std=1e-6,
+    tachometer_noise_std=0.01,
+    disturbance_std=1e-3,
+)
+
+
+def _with_panels(satellite: Satellite, share: float, frequency: float) -> Satellite:
+    """The satellite with two thin panels along y that turn about z and have a share of that axis's inertia."""
+    assert satellite.size is not None
+    hinge, arm = 0.5 * satellite.size[1], satellite.size[1]
+    own = arm**2 / 3.0  # of a plate twice as long as the arm, by its mass
+    by_mass = 2.0 * ((hinge + arm) * arm + own) ** 2 / (arm**2 + own)
+    mass = share * satellite.inertia[2, 2] / by_mass
+    panel = Panel(
+        mass=mass,
+        hinge=np.array([0.0, hinge, 0.0]),
+        axis=np.array([0.0, 0.0, 1.0]),
+        arm=np.array([0.0, arm, 0.0]),
+        inertia=mass * own * np.array([1.0, 0.0, 1.0]),
+        frequency=frequency,
+        damping=0.005,
+        mirrored=True,
+        **_MODE_STD,
+    )
+    return satellite.replace(oscillators=(*satellite.oscillators, panel))
+
+
+def _with_slosh(satellite: Satellite, share: float, frequency: float) -> Satellite:
+    """The satellite with a tank half-way to its side, of whose mass a share sloshes."""
+    assert satellite.size is not None
+    assert satellite.mass is not None
+    tank = SloshMass(
+        mass=share * satellite.mass,
+        position=np.array([0.5 * satellite.size[0], 0.0, 0.1 * satellite.size[2]]),
+        direction=np.array([0.0, 1.0, 0.0]),
+        frequency=frequency,
+        damping=0.05,
+        **_MODE_STD,
+    )
+    return satellite.replace(oscillators=(*satellite.oscillators, tank))
+
+
+def _flexible(change: Callable[..., Satellite], share: float, frequency: float) -> World:
+    satellites = tuple(change(SATELLITES[name], share, frequency) for name in BENCHMARK_SATELLITES)
+    return World(satellites=satellites, topic="flexible")
+
+
+def _timed(sensors: Sensors, **tolerances: float) -> World:
+    return World(scenario={"sensors": sensors, "tolerances": Tolerances(**tolerances)}, topic="timing")
+
+
+def _off(**tolerances: float) -> World:
+    return World(scenario={"tolerances": Tolerances(**tolerances)})
+
+
+WORLDS: Mapping[str, World] = {
+    "as nominal": World(),
+    "gyro bias 2e-5 rad/s": _off(gyro_bias=2e-5),
+    "gyro bias 1e-4 rad/s": _off(gyro_bias=1e-4),
+    "gyro bias 1e-3 rad/s": _off(gyro_bias=1e-3),
+    "gyro scale 0.1 %": _off(gyro_scale=1e-3),
+    "gyro scale 1 %": _off(gyro_scale=1e-2),
+    "gyro alignment 3 mrad": _off(gyro_alignment=3e-3),
+    "rotor inertia 0.1 %": _off(wheel_inertia=1e-3),
+    "rotor inertia 1 %": _off(wheel_inertia=1e-2),
+    "wheel axes 1 mrad": _off(wheel_alignment=1e-3),
+    "wheel axes 5 mrad": _off(wheel_alignment=5e-3),
+    "all small errors": _off(
+        gyro_bias=1e-4, gyro_scale=1e-3, gyro_alignment=1e-3, wheel_inertia=1e-3, wheel_alignment=1e-3
+    ),
+    "no torque noise": World(scenario={"torque_noise": 0.0}),
+    "gyro noise 1e-3 rad/s": World(scenario={"gyro_noise_std": 1e-3}),
+    "friction 1 of 10 mN m": World(
+        scenario={"friction": WheelFriction(coulomb=1e-3, static=1.5e-3)}, satellites=(SATELLITES["cubesat"],)
+    ),
+    "friction 10 of 100 mN m": World(
+        scenario={"friction": WheelFriction(coulomb=0.01)}, satellites=(SATELLITES["microsat"],)
+    ),
+    "sample 1 s": World(scenario={"sample_period": 1.0}),
+    "sample 0.02 s": World(scenario={"sample_period": 0.02}, satellites=(SATELLITES["microsat"],)),
+    "1e-3 kg m^2": World(satellites=(POCKETQUBE,)),
+    "1 kg m^2": World(satellites=(MINISAT,)),
+    "1e4 kg m^2": World(satellites=(OBSERVATORY,)),
+    "horizon 30 s": World(scenario={"horizon": 30.0}),
+    "horizon 3000 s": World(scenario={"horizon": 3000.0}, satellites=(SATELLITES["microsat"],)),
+    "integrating gyro": _timed(Sensors(gyro_integrates=True)),
+    "tachometers 1 late": _timed(Sensors(tachometer_delay=1.0)),
+    "tachometers 0.9(3) late": _timed(Sensors(gyro_integrates=True, tachometer_delay=0.9), tachometer_delay=0.3),
+    "24 pulses": _timed(Sensors(gyro_integrates=True, encoder_pulses=24)),
+    "64 pulses": _timed(Sensors(gyro_integrates=True, encoder_pulses=64)),
+    "64 pulses 0.9(1) late": _timed(
+        Sensors(gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9), tachometer_delay=0.1
+    ),
+    "panels 2 %, 0.35 Hz": _flexible(_with_panels, 0.02, 0.35),
+    "panels 10 %, 0.1 Hz": _flexible(_with_panels, 0.1, 0.1),
+    "panels 10 %, 0.35 Hz": _flexible(_with_panels, 0.1, 0.35),
+    "panels 10 %, 1 Hz": _flexible(_with_panels, 0.1, 1.0),
+    "panels 25 %, 0.35 Hz": _flexible(_with_panels, 0.25, 0.35),
+    "slosh 3 %, 0.05 Hz": _flexible(_with_slosh, 0.03, 0.05),
+}
+"""Worlds that are flown, by name."""
+
+
+def policy_for(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
+    """Baseline as it was tuned for the satellite; else with settings that follow from its data sheet and the horizon.
+
+    Raises:
+        ValueError: the baseline is none of those of the study.
+    """
+    own = scenario.horizon == Scenario().horizon
+    try:
+        return make_baseline(name, satellite.name if own else "")
+    except NotPreparedError:
+        limit = satellite.rate_limit * np.mean(np.diag(satellite.inertia)) / np.min(satellite.wheels.max_torque)
+    if name == "rate_square":
+        return build(name, {"period": max(12.0, min(20.0 * limit, scenario.horizon / 4.0)), "margin": 2.5})
+    pushes = {"one_step": scenario.horizon / 3.0, "multi_step": scenario.horizon / 6.0, "sine": _SINE_QUARTER}
+    if name not in pushes:
+        raise ValueError(f"{name} has no settings for {satellite.name} over {scenario.horizon:g} s")
+    return build(name, {"amplitude": min(1.0, _REACHED * limit / pushes[name])})

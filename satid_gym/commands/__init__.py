@@ -1,0 +1,1 @@
+"""Command `satid` and its subcommands."""

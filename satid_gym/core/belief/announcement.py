@@ -1,0 +1,48 @@
+"""Announced change of the inertia: what a filter does that is told of a deployment or release when it is commanded.
+
+Who commands it knows when, and how long it takes, but not what it does to the tensor. A share c of the change, that of
+the time that passed, adds the covariance S = c s^2 diag(scale)^2 to theta, s the relative size it may have. A
+deployment keeps M; what is released takes its angular momentum along, so that the rate stays and M changes by
+L(omega) dtheta:
+
+    P_tt += S,   and of a release   P_Mt += L S,   P_MM += L S L^T
+
+Source: this project's design.
+"""
+
+from __future__ import annotations
+
+from satid_gym.core.algebra import inverse, multiply, store_symmetric
+from satid_gym.core.belief import modes, momentum_model
+from satid_gym.core.belief.kalman import estimated_inertia, write_times_regressor
+from satid_gym.core.jit import inline, outline
+
+_SIZE = 0.2  # s: std of all of a change, relative to the scale of theta
+
+
+@inline
+def tell(belief, share, leaves):
+    """Announce that `share` of a change comes before the next reading; leaves: 1 if a mass leaves with its momentum."""
+    belief.announced = share if belief.is_told != 0 else 0.0
+    belief.leaves = leaves
+
+
+@outline
+def raise_covariance(belief, work):
+    """Add what has been announced to the covariance of momentum and theta."""
+    covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
+    inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
+    omega = multiply(inverse(inertia), momentum_model.body_momentum(belief))
+    store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    write_times_regressor(identity, omega, regressor)
+    for k in range(belief.theta_scale.shape[0]):
+        variance = belief.announced * (_SIZE * belief.theta_scale[k]) ** 2
+        covariance[3 + k, 3 + k] += variance
+        for i in range(3 if belief.leaves != 0 else 0):
+            moved = regressor[i, k] * variance
+            covariance[i, 3 + k] += moved
+            covariance[3 + k, i] += moved
+            for j in range(3):
+                covariance[i, j] += moved * regressor[j, k]
+    if belief.leaves == 0:
+        belief.stepped = 1

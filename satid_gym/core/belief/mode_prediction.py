@@ -1,0 +1,219 @@
+"""Prediction of modes: M, deflections and their momenta moved together, with the derivative of that.
+
+The method is that of Stoermer and Verlet, which neither damps nor drives an oscillation. The derivative follows each
+operation (forward mode), so it is that of the step as it is done. The equations are those of `modes`.
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), ch. I.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core.algebra import add, axpy, cross, dot, inverse, load, load_symmetric, multiply, store, subtract
+from satid_gym.core.belief.modes import (
+    STATES,
+    bent_rate,
+    body_inertia,
+    deflection_rate,
+    load_column,
+    momentum,
+    moving,
+)
+from satid_gym.core.jit import inline, outline
+
+_PHASE_MAX = 0.2  # rad of an oscillation in a step: frequencies are off by phase^2 / 24
+_GROWTH_MAX = 0.5  # 1/s
+_STEPS_MAX = 10_000  # a pilot's gap may be long; beyond 2 rad in a step the method is unstable
+
+
+@inline
+def _write_rate_sensitivity(belief, work, omega, J_inv, share, source):
+    """Derivative of omega by the state before the prediction to work.modes.omega, after a share of it.
+
+    `source` (3, size) is the derivative of M.
+    """
+    p, out, rows = belief.prior_theta.shape[0], work.modes.omega, work.transition
+    x, y, z = omega
+    first_wheel = belief.calibration.wheels
+    for j in range(belief.mean.shape[0]):
+        v = source[0, j], source[1, j], source[2, j]
+        if j >= 3 and j < 3 + p:
+            v = subtract(v, _regressor_column(x, y, z, j - 3))
+        for i in range(belief.modes.coupling.shape[0]):
+            at, d = belief.modes.first + STATES * i, load(belief.modes.d[i])
+            bent, by_slope = bent_rate(belief, i, belief.mean[at], omega)
+            v = axpy(-rows[4 + 2 * i, j], d, axpy(-rows[3 + 2 * i, j], bent, v))
+            if j == at + 3:
+                v = axpy(dot(d, omega) - deflection_rate(belief, i, omega), d, axpy(-belief.mean[at], by_slope, v))
+        if first_wheel > 0 and j >= first_wheel and j < first_wheel + 3 * belief.speed.shape[0]:
+            k, axis = (j - first_wheel) // 3, (j - first_wheel) % 3
+            before = belief.calibration.speed_before[k]
+            speed = before + share * (belief.speed[k] - before)
+            v = subtract(v, (speed if axis == 0 else 0.0, speed if axis == 1 else 0.0, speed if axis == 2 else 0.0))
+        v = multiply(J_inv, v)
+        out[0, j], out[1, j], out[2, j] = v
+
+
+@inline
+def _regressor_column(x, y, z, k):
+    """Column k of L(omega), where J omega = L(omega) theta."""
+    if k == 0:
+        return x, 0.0, 0.0
+    if k == 1:
+        return 0.0, y, 0.0
+    if k == 2:
+        return 0.0, 0.0, z
+    if k == 3:
+        return y, x, 0.0
+    if k == 4:
+        return z, 0.0, x
+    return 0.0, z, y
+
+
+@inline
+def _kick(belief, work, i, omega, h):
+    """Move p of mode i, and its derivative, by h seconds of its spring, its damper and the body's rotation."""
+    rows, rates = work.transition, work.modes.omega
+    at, d = belief.modes.first + STATES * i, load(belief.modes.d[i])
+    w, zeta = belief.modes.w[i], belief.modes.zeta[i]
+    eta, speed = belief.mean[at], deflection_rate(belief, i, omega)
+    drag, (bent, by_slope) = 2.0 * zeta * w, bent_rate(belief, i, eta, omega)
+    curved = dot(omega, multiply(load_symmetric(belief.modes.inertia_curvature[i]), omega))
+    for j in range(belief.mean.shape[0]):
+        by_speed = rows[4 + 2 * i, j] - (d[0] * rates[0, j] + d[1] * rates[1, j] + d[2] * rates[2, j])
+        by_rotation = bent[0] * rates[0, j] + bent[1] * rates[1, j] + bent[2] * rates[2, j]
+        rows[4 + 2 * i, j] -= h * ((w * w - curved) * rows[3 + 2 * i, j] + drag * by_speed - by_rotation)
+    rows[4 + 2 * i, at + 2] -= h * (2.0 * w * w * eta + drag * speed)
+    rotation = 0.5 * dot(omega, bent)
+    rows[4 + 2 * i, at + 3] += h * (drag * dot(d, omega) + 0.5 * dot(omega, by_slope))
+    rows[4 + 2 * i, at + 4] -= h * drag * speed
+    belief.mean[at + 1] -= h * (w * w * eta + drag * speed - rotation)
+
+
+@inline
+def _turn_sensitivity(belief, work, momentum, omega, source, out, h):
+    """out = source + h d(M x omega + tau) where `source` (3, size) is the derivative of the M that is moved."""
+    first_torque, rates, middle = 3 + belief.prior_theta.shape[0], work.modes.omega, work.modes.middle
+    for j in range(belief.mean.shape[0]):
+        by_momentum, by_rate = load_column(middle, j), load_column(rates, j)
+        change = add(cross(by_momentum, omega), cross(momentum, by_rate))
+        out[0, j] = source[0, j] + h * change[0]
+        out[1, j] = source[1, j] + h * change[1]
+        out[2, j] = source[2, j] + h * change[2]
+    for i in range(3):
+        out[i, first_torque + i] += h
+
+
+@outline
+def predict(belief, work, J, inputs, dt):
+    """Move M, eta and p by dt seconds, and write the derivative of that to work.transition, in the order of `moving`.
+
+    Args:
+        belief: belief.
+        work: scratch space.
+        J: estimated inertia (symmetric).
+        inputs: A j Omega before and after.
+        dt: s.
+    """
+    count, size, rows = belief.modes.coupling.shape[0], belief.mean.shape[0], work.transition
+    J_inv = inverse(body_inertia(belief, belief.mean, J))
+    tau = load(belief.mean[3 + belief.prior_theta.shape[0] :])
+    before, after = inputs
+    for r in range(3 + 2 * count):
+        for j in range(size):
+            rows[r, j] = 0.0
+        rows[r, moving(belief, r)] = 1.0
+    steps = _steps(belief, J_inv, dt)
+    h = dt / steps
+    for step in range(steps):
+        a0 = axpy(step / steps, subtract(after, before), before)
+        a1 = axpy((step + 0.5) / steps, subtract(after, before), before)
+        M, J_inv = load(belief.mean), inverse(body_inertia(belief, belief.mean, J))
+        omega = multiply(J_inv, subtract(subtract(M, a0), momentum(belief)))
+        for r in range(3):
+            for j in range(size):
+                work.modes.middle[r, j] = rows[r, j]
+        _write_rate_sensitivity(belief, work, omega, J_inv, step / steps, rows)
+        _turn_sensitivity(belief, work, M, omega, rows, work.modes.middle, 0.5 * h)
+        for i in range(count):
+            _kick(belief, work, i, omega, 0.5 * h)
+        middle = axpy(0.5 * h, add(cross(M, omega), tau), M)
+        omega = multiply(J_inv, subtract(subtract(middle, a1), momentum(belief)))
+        _write_rate_sensitivity(belief, work, omega, J_inv, (step + 0.5) / steps, work.modes.middle)
+        for i in range(count):
+            _drift(belief, work, i, omega, h)
+        _turn_sensitivity(belief, work, middle, omega, rows, rows, h)
+        store(belief.mean, axpy(h, add(cross(middle, omega), tau), M))
+        for i in range(count):
+            _kick(belief, work, i, omega, 0.5 * h)
+
+
+@inline
+def _drift(belief, work, i, omega, h):
+    """Move eta of mode i, and its derivative, by h seconds."""
+    rows, rates = work.transition, work.modes.omega
+    at, d = belief.modes.first + STATES * i, load(belief.modes.d[i])
+    for j in range(belief.mean.shape[0]):
+        by_rate = d[0] * rates[0, j] + d[1] * rates[1, j] + d[2] * rates[2, j]
+        rows[3 + 2 * i, j] += h * (rows[4 + 2 * i, j] - by_rate)
+    rows[3 + 2 * i, at + 3] -= h * dot(d, omega)
+    belief.mean[at] += h * deflection_rate(belief, i, omega)
+
+
+@inline
+def _steps(belief, J_inv, dt):
+    """Steps in dt seconds."""
+    fastest = 0.0
+    for i in range(belief.modes.coupling.shape[0]):
+        d = load(belief.modes.d[i])
+        fastest = max(fastest, belief.modes.w[i] * np.sqrt(1.0 + dot(d, multiply(J_inv, d))))
+    return min(max(belief.substeps, np.int64(np.ceil(fastest * dt / _PHASE_MAX))), _STEPS_MAX)
+
+
+@outline
+def add_tachometer_noise(belief, M, noise, dt):
+    """Add to the covariance what tachometer noise does to a prediction of dt seconds; `noise` is J^-1 N J^-1.
+
+    It moves omega by -J^-1 da, and with it M by M x that and eta by -d . that.
+    """
+    m = 3 + 2 * belief.modes.coupling.shape[0]
+    for a in range(m):
+        if a >= 3 and (a - 3) % 2 == 1:
+            continue
+        left = multiply(noise, _by_rate(belief, M, a, dt))
+        for b in range(a, m):
+            if b >= 3 and (b - 3) % 2 == 1:
+                continue
+            i, j = moving(belief, a), moving(belief, b)
+            belief.covariance[i, j] += dot(left, _by_rate(belief, M, b, dt))
+            belief.covariance[j, i] = belief.covariance[i, j]
+
+
+@outline
+def add_curvature(belief, dt):
+    """Add to the covariance of p what the derivative by log w leaves out while w is coarsely known.
+
+    To second order the spring's force changes by 2 w^2 (deta dlog w + eta (dlog w)^2), whose variance is
+    4 w^4 (P_ee P_ww + P_ew^2 + 2 eta^2 P_ww^2); it stays alike for a radian or so of the oscillation. The first two let
+    the deflection's error feed itself, though an oscillation keeps its energy whatever w is: at most at _GROWTH_MAX.
+    Source: Gelb, Applied Optimal Estimation (1974), ch. 6.1, the second-order filter.
+    """
+    covariance = belief.covariance
+    for i in range(belief.modes.coupling.shape[0]):
+        at, w = belief.modes.first + STATES * i, belief.modes.w[i]
+        coarse, shared = covariance[at + 2, at + 2], covariance[at, at + 2]
+        grown = min(4.0 * w * (covariance[at, at] * coarse + shared**2), _GROWTH_MAX * covariance[at, at])
+        covariance[at + 1, at + 1] += w**2 * dt * (grown + 8.0 * w * (belief.mean[at] * coarse) ** 2)
+
+
+@inline
+def _by_rate(belief, M, r, dt):
+    """Row r, in the order of `moving`, of what a constant error of omega does in dt seconds."""
+    if r >= 3:
+        return axpy(-dt, load(belief.modes.d[(r - 3) // 2]), (0.0, 0.0, 0.0))
+    x, y, z = M
+    if r == 0:
+        return 0.0, -dt * z, dt * y
+    if r == 1:
+        return dt * z, 0.0, -dt * x
+    return -dt * y, dt * x, 0.0

@@ -1,0 +1,29 @@
+"""Log of a sample in full."""
+
+from __future__ import annotations
+
+from satid_gym.core.algebra import store, store_symmetric
+from satid_gym.core.belief.kalman import theta_covariance
+from satid_gym.core.jit import outline
+from satid_gym.core.truth.disturbance import external_torque, orbit_phase
+from satid_gym.core.truth.inertia_law import inertia_at
+from satid_gym.core.truth.state import load_state
+
+
+@outline
+def log_sample(log, plant, belief):
+    """Write the present sample in full to a record of `log_dtype`."""
+    log.time, log.momentum[:], log.rate[:], log.wheel_speed[:] = (
+        plant.time,
+        plant.momentum,
+        plant.rate,
+        plant.wheel_speed,
+    )
+    log.attitude[:], log.gyro[:], log.tachometer[:] = plant.attitude, plant.gyro, plant.tachometer
+    inertia = inertia_at(plant, plant.time)
+    store_symmetric(log.inertia, inertia)
+    store(log.torque, external_torque(plant, orbit_phase(plant, plant.time), load_state(plant)[1], inertia))
+    for a in range(log.theta.shape[0]):
+        log.theta[a] = belief.mean[3 + a]
+        for b in range(log.theta.shape[0]):
+            log.covariance[a, b] = theta_covariance(belief, a, b)

@@ -1,0 +1,8 @@
+"""Identification of the inertia from recorded flights."""
+
+from satid_gym.estimators.batch.fit import NotIdentifiedError
+from satid_gym.identification.delays import Parameter
+from satid_gym.identification.identify import Identification, identify
+from satid_gym.identification.slips import SlipError
+
+__all__ = ["Identification", "NotIdentifiedError", "Parameter", "SlipError", "identify"]

@@ -1,0 +1,126 @@
+"""Figure of an identification: estimates with their bands, residuals, and what each flight told."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from satid_gym.estimators.batch.regression import NAMES
+from satid_gym.identification.flights import OUTLIER
+from satid_gym.identification.identify import Identification
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe and Ito's, for all eyes
+_FLIGHTS_MAX = 12  # that have a place of their own in the bars
+
+
+def png(found: Identification) -> bytes:
+    """The figure as a PNG.
+
+    Raises:
+        ValueError: matplotlib is not there.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ValueError('for the figure and the page, pip install ".[telemetry]" in the checkout') from error
+    figure = Figure(figsize=(11.0, 11.5), layout="constrained")
+    top, middle, bottom = np.ravel(np.array(figure.subfigures(3, 1, height_ratios=[1.5, 1.0, 0.8])))
+    for k, axes in enumerate(np.ravel(top.subplots(2, 3))):
+        _estimate(axes, found, k)
+    top.supxlabel("flight", fontsize=9)
+    _legend(top)
+    _residuals(middle.subplots(), found)
+    _legend(middle, markerscale=3)
+    _shares(bottom.subplots(), found)
+    out = io.BytesIO()
+    figure.savefig(out, dpi=110, format="png")
+    return out.getvalue()
+
+
+def _legend(part: SubFigure, **style: Any) -> None:
+    """One legend for all axes of a part, beside them."""
+    named: dict[str, Any] = {}
+    for axes in part.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    if named:
+        part.legend(list(named.values()), list(named), loc="outside upper right", ncols=6, fontsize=8, **style)
+
+
+def _estimate(axes: Axes, found: Identification, k: int) -> None:
+    """A parameter over the rotor: band of two standard deviations, and each flight's own estimate."""
+    rotor = found.satellite.wheels.inertia[0]
+    value, std = found.parameters[k].value / rotor, np.sqrt(found.over_rotor_covariance[k, k])
+    axes.set_title(f"{NAMES[k]} / rotor inertia", fontsize=10)
+    if np.isfinite(value):
+        axes.axhspan(value - 2.0 * std, value + 2.0 * std, color=_COLOURS[0], alpha=0.18, label="all, 2 std")
+        axes.axhline(value, color=_COLOURS[0], linewidth=1.4)
+    else:
+        axes.text(0.5, 0.5, "the data do not tell", ha="center", transform=axes.transAxes)
+    numbers = np.arange(1, len(found.flights) + 1)
+    alone = np.array([flight.theta[k] for flight in found.flights]) / rotor
+    spread = 2.0 * np.array([flight.std[k] for flight in found.flights]) / rotor
+    style: dict[str, Any] = {"fmt": "o", "color": "0.25", "markersize": 4, "linewidth": 1.0}
+    axes.errorbar(numbers, alone, spread, label="alone, formal 2 std", **style)
+    good = np.isfinite(alone)
+    if good.any() and np.isfinite(value):
+        reach = 1.2 * max(4.0 * std, float(np.quantile(np.abs(alone[good] - value) + spread[good], 0.75)))
+        axes.set_ylim(value - reach, value + reach)
+    axes.set_xticks(numbers if len(numbers) <= _FLIGHTS_MAX else numbers[:: len(numbers) // _FLIGHTS_MAX + 1])
+    axes.set_xlim(0.5, len(numbers) + 0.5)
+    axes.tick_params(labelsize=8)
+
+
+def _residuals(axes: Axes, found: Identification) -> None:
+    """Wheel speeds as measured less as balanced, flight after flight."""
+    start, edges, sizes = 0.0, [], []
+    for number, flight in enumerate(found.flights, start=1):
+        if len(flight.time) == 0:
+            continue
+        since = flight.time - flight.time[0]
+        out = np.isin(flight.time, flight.outliers)
+        for k in range(flight.residual.shape[1]):
+            label = f"wheel {k + 1}" if number == 1 else None
+            colour = _COLOURS[k % len(_COLOURS)]
+            axes.plot(start + since[~out], flight.residual[~out, k], ".", markersize=2.5, color=colour, label=label)
+            axes.plot(start + since[out], flight.residual[out, k], "x", markersize=3.5, color="0.65")
+        axes.text(start, 0.97, f" {number}", transform=axes.get_xaxis_transform(), va="top", fontsize=8)
+        start += float(since[-1]) * 1.02
+        edges.append(start)
+        sizes.append(np.abs(flight.residual[~out]).ravel())
+    for edge in edges[:-1]:
+        axes.axvline(edge, color="0.8", linewidth=0.8)
+    if sizes and (size := np.concatenate(sizes)).size:
+        reach = 1.8 * float(np.quantile(size, 0.99))
+        axes.set_ylim(-reach, reach)
+    axes.set_title(
+        f"wheel speed, measured minus momentum balance, rad/s; grey crosses: weight below {OUTLIER:g}", fontsize=10
+    )
+    axes.set_xlabel("time in flights 1, 2, ... one after the other, s", fontsize=9)
+    axes.tick_params(labelsize=8)
+
+
+def _shares(axes: Axes, found: Identification) -> None:
+    """Share of the information about each parameter, by flight."""
+    left, names = np.zeros(6), [flight.name for flight in found.flights]
+    for number, flight in enumerate(found.flights):
+        share = np.clip(flight.share, 0.0, None)
+        shade = 0.25 + 0.65 * (number % 6) / 6.0
+        bars = axes.barh(
+            NAMES, share, left=left, color=(0.0, 0.45 * shade + 0.2, 0.7 * shade + 0.25), edgecolor="white"
+        )
+        wide = [str(number + 1) if part > 0.03 else "" for part in share]
+        axes.bar_label(bars, wide, label_type="center", color="white", fontsize=8)
+        left = left + share
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.0)
+    said = "; ".join(f"{k}: {name}" for k, name in enumerate(names[:_FLIGHTS_MAX], start=1))
+    axes.set_title("share of what is known, by flight", fontsize=10)
+    axes.set_xlabel(said if len(said) < 170 else said[:167] + "...", fontsize=8)
+    axes.tick_params(labelsize=8)

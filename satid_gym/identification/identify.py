@@ -1,0 +1,207 @@
+"""Identification of a satellite's inertia from recorded flights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from satid_gym.config import check_number
+from satid_gym.estimators.batch.fit import NotIdentifiedError
+from satid_gym.estimators.batch.regression import NAMES, SIGNAL_MIN, STD_MAX
+from satid_gym.estimators.batch.second_moment import nearest_physical
+from satid_gym.estimators.inertia import inertia_tensors
+from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes
+from satid_gym.identification.estimate import Estimated, estimate, theta_sizes
+from satid_gym.identification.faults import tachometer_faults
+from satid_gym.identification.faults import without as without_faults
+from satid_gym.identification.fit import Fit
+from satid_gym.identification.flights import FlightReport, flight_reports, folds
+from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
+from satid_gym.identification.rows import ROWS_MIN
+from satid_gym.identification.slips import check_attitude, check_fit
+from satid_gym.problem import SatelliteLike, resolve_satellites
+from satid_gym.satellite import Satellite
+from satid_gym.telemetry import Log
+from satid_gym.telemetry.units import option_of
+
+INFLATION_MIN = 1.1  # below it there is no word of it
+_ALONE = "one window alone: nothing but the formal covariance says how far to trust the interval"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Identification:
+    """What recorded flights tell of a satellite's inertia, body frame; NaN is what they do not tell.
+
+    Attributes:
+        satellite: nominal, with the wheels that the momentum is counted by.
+        inertia: (3, 3) kg m^2, wheels locked.
+        covariance: (6, 6) of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, (kg m^2)^2: noise, inflated by what residuals, windows and
+            flights say, and the tolerance of the rotors' inertia.
+        over_rotor: (3, 3) inertia over the first wheel's rotor inertia, which alone is observable.
+        over_rotor_covariance: (6, 6) of it.
+        parameters: the six, and how late wheel speeds and attitude are stamped against the gyro.
+        flights: what each flight told.
+        inflation: factor on the formal standard deviations.
+        scatter: variance between windows, and between flights, over what white noise gives.
+        whiteness: of the residuals.
+        jitter: s, scatter of the stamps of one channel against another.
+        notes: what was found, a line each.
+    """
+
+    satellite: Satellite
+    inertia: np.ndarray
+    covariance: np.ndarray
+    over_rotor: np.ndarray
+    over_rotor_covariance: np.ndarray
+    parameters: tuple[Parameter, ...]
+    flights: tuple[FlightReport, ...]
+    inflation: float
+    scatter: tuple[float, float]
+    whiteness: Whiteness
+    jitter: float
+    notes: tuple[str, ...]
+
+
+def identify(logs: Log | Sequence[Log], satellite: SatelliteLike, *, window: float = 40.0) -> Identification:
+    """Inertia tensor from recorded gyro and wheel speeds, of one flight or several.
+
+    The momentum of body and wheels balances in windows of 40 s, each with a momentum and a linear torque of its own,
+    in the inertial frame; see `satid_gym.identification.rows`. Attitude is used where a log has it, else the gyro is
+    integrated between gaps. Instants that do not fit are weighed down, delays between the channels are estimated, and
+    the covariance is inflated by what residuals, windows and flights say.
+
+    Args:
+        logs: of `read_log` or `read_logs`.
+        satellite: name, file, mapping or `Satellite`: its wheels as built, and a nominal inertia, which tells slips of
+            units from data and does not enter the estimate.
+        window: s.
+
+    Raises:
+        NotIdentifiedError: the logs tell none of the moments of inertia; the message says why.
+        SlipError: units, signs, axes or quaternions contradict the satellite; the message names the slip.
+        ValueError: the number of wheels does not match, or an argument is not valid.
+    """
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    found = resolve_satellites(satellite)
+    if len(found) != 1 or not logs:
+        raise ValueError(f"identify takes logs of one satellite, got {len(logs)} logs and {len(found)} satellites")
+    (own,), window = found, check_number("window", window, strict=True)
+    for log in logs:
+        if log.wheel_speed.shape[1] != own.wheels.count:
+            raise ValueError(
+                f"{log.name} has {log.wheel_speed.shape[1]} wheel speeds where satellite {own.name} has "
+                f"{own.wheels.count} wheels; name the columns of its wheels, or its wheels' axes"
+            )
+    sizes = theta_sizes(own)
+    _check_motion(logs, own)
+    _check_windows(logs, window)
+    logs = check_attitude(logs)
+    estimated: Estimated | None
+    try:
+        estimated = estimate(logs, own, window)
+    except NotIdentifiedError:
+        estimated = None
+    doubt = check_fit(logs, own, window, sizes, estimated)
+    assert estimated is not None  # check_fit has raised
+    if faults := tachometer_faults(estimated, own.wheels):
+        logs = without_faults(logs, faults)
+        estimated = estimate(logs, own, window)
+    straight = estimate(logs, own, window, straight=True).fit.theta
+    without = folds(logs, own, window)
+    fit = estimated.fit
+    covariance, inflation = inflated_covariance(
+        fit, list(without.values()) if len(logs) > 1 else [], fit.theta - straight
+    )
+    known = determined(fit, covariance, sizes, own.gyro_noise_std)
+    if not known[:3].any():
+        raise NotIdentifiedError(_nothing(fit, covariance, sizes, own))
+    theta = nearest_physical(fit.theta, np.linalg.inv(covariance)) if known.all() else fit.theta.copy()
+    theta[~known] = np.nan
+    covariance[~known] = covariance[:, ~known] = np.nan
+    delays = delays_of(logs, estimated, inflation)
+    white = whiteness(fit)
+    notes = [
+        *([f"the data do not tell {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
+        *([doubt] if doubt else []),
+        *delay_notes(logs, delays),
+        *([f"residuals are not white: {white.autocorrelation:+.2f} from one reading to the next"] * (not white.white)),
+        *([_ALONE] * (len(estimated.windows) == 1)),
+        *([f"formal standard deviations are inflated by {inflation:.2g}"] * (inflation > INFLATION_MIN)),
+        *(f"{logs[fault.flight].name}: {fault}" for fault in faults),
+        *reading_notes(logs),
+    ]
+    rotor = own.wheels.inertia[0]
+    whole = covariance + _rotors(logs, own, window, estimated)
+    inertia, std = inertia_tensors(theta), np.sqrt(np.diag(whole))
+    moments = (Parameter(name=n, value=float(v), std=float(s)) for n, v, s in zip(NAMES, theta, std, strict=True))
+    return Identification(
+        satellite=own,
+        inertia=inertia,
+        covariance=whole,
+        over_rotor=inertia / rotor,
+        over_rotor_covariance=covariance / rotor**2,
+        parameters=(*moments, *delays),
+        flights=tuple(flight_reports(logs, own, window, estimated, without, faults)),
+        inflation=inflation,
+        scatter=scatter(fit),
+        whiteness=white,
+        jitter=fit.jitter,
+        notes=tuple(notes),
+    )
+
+
+def _rotors(logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated) -> np.ndarray:
+    """Covariance (6, 6) of theta by the tolerance of each rotor: theta with one rotor at a time off."""
+    found, wheels, tolerance = np.zeros((6, 6)), satellite.wheels, satellite.tolerances.wheel_inertia
+    for off in tolerance * np.eye(wheels.count) if tolerance > 0.0 else ():
+        built = satellite.replace(wheels=wheels.replace(inertia=wheels.inertia * (1.0 + off)))
+        move = estimate(logs, built, window).fit.theta - estimated.fit.theta
+        found += np.outer(move, move)
+    return found
+
+
+def _names(which: np.ndarray) -> str:
+    return ", ".join(name for name, here in zip(NAMES, which, strict=True) if here)
+
+
+def _nothing(fit: Fit, covariance: np.ndarray, sizes: np.ndarray, satellite: Satellite) -> str:
+    std = np.sqrt(np.diag(covariance)) / sizes
+    found = [f"{NAMES[i]} has a standard deviation of {std[i]:.2g} and {fit.signal[i]:.2g} rad/s" for i in range(3)]
+    return (
+        f"the logs do not identify the inertia: {', '.join(found)} of signal; expected less than {STD_MAX} of the "
+        f"nominal size and more than {SIGNAL_MIN * satellite.gyro_noise_std:.2g} rad/s: turn more"
+    )
+
+
+def _check_windows(logs: Sequence[Log], window: float) -> None:
+    """Refuse windows that no log fills.
+
+    Raises:
+        ValueError: readings are too far apart, or their stamps are in another unit.
+    """
+    interval = min(log.interval for log in logs)
+    if ROWS_MIN * interval > window:
+        raise ValueError(
+            f"readings are {interval:.3g} s apart, so a window of {window:g} s holds fewer than {ROWS_MIN}: if the "
+            f"stamps are in ms, us or ns, say so, {option_of({'time': 'ms'})}; else give a window of "
+            f"{10.0 * interval:.3g} s or more"
+        )
+
+
+def _check_motion(logs: Sequence[Log], satellite: Satellite) -> None:
+    """Refuse logs in which nothing moves.
+
+    Raises:
+        NotIdentifiedError: no rate or no wheel speed changes by more than the sensors' noise.
+    """
+    for name, noise in (("rate", satellite.gyro_noise_std), ("wheel_speed", satellite.tachometer_noise_std)):
+        values = [getattr(log, name) for log in logs]
+        there = [value[np.isfinite(value).all(axis=1)] for value in values]
+        spread = max(float(value.std(axis=0).max()) if len(value) else 0.0 for value in there)
+        if not spread > 3.0 * noise:
+            raise NotIdentifiedError(
+                f"the logs do not identify the inertia: {name} changes by {spread:.2g} rad/s, expected more than three "
+                f"times the sensor's noise of {noise:.2g}; nothing moves, or readings are missing"
+            )

@@ -1,0 +1,96 @@
+"""Record of an identification: plain values for JSON, and the lines that a terminal shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from satid_gym.estimators.batch.regression import NAMES
+from satid_gym.identification.identify import Identification
+
+
+def plain(value: Any) -> Any:
+    """Value as JSON holds it; what is not known is null."""
+    if isinstance(value, np.ndarray):
+        return [plain(item) for item in value.tolist()]
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+def rounded(value: float, std: float) -> tuple[str, str]:
+    """A value and its standard deviation, both to the second digit of the latter."""
+    places = max(0, 1 - math.floor(math.log10(std))) if std > 0.0 else 6
+    return f"{value:.{places}f}", f"{std:.{places}f}"
+
+
+def record(found: Identification) -> dict[str, Any]:
+    """All of an identification but the residuals of each reading."""
+    return {
+        "satellite": found.satellite.name,
+        "frame": "body, wheels locked, kg m^2; covariance in the order xx yy zz xy xz yz; null: the data do not tell",
+        "inertia": plain(found.inertia),
+        "covariance": plain(found.covariance),
+        "over_rotor": plain(found.over_rotor),
+        "over_rotor_covariance": plain(found.over_rotor_covariance),
+        "rotor_inertia": float(found.satellite.wheels.inertia[0]),
+        "parameters": [
+            {"name": p.name, "value": plain(p.value), "std": plain(p.std), "unit": p.unit, "determined": p.determined}
+            for p in found.parameters
+        ],
+        "inflation": plain(found.inflation),
+        "scatter": {"windows": plain(found.scatter[0]), "flights": plain(found.scatter[1])},
+        "residuals": {
+            "white": found.whiteness.white,
+            "autocorrelation": plain(found.whiteness.autocorrelation),
+            "distance": plain(found.whiteness.distance),
+            "stamp_scatter_s": plain(found.jitter),
+        },
+        "flights": [
+            {
+                "name": flight.name,
+                "rows": flight.rows,
+                "used": flight.used,
+                "outliers_at_s": plain(flight.outliers),
+                "tachometer_faults": [
+                    {"time_s": fault.time, "wheel": fault.wheel, "excess_rad_per_s": fault.excess}
+                    for fault in flight.faults
+                ],
+                "theta": dict(zip(NAMES, plain(flight.theta), strict=True)),
+                "std": dict(zip(NAMES, plain(flight.std), strict=True)),
+                "share_of_information": dict(zip(NAMES, plain(flight.share), strict=True)),
+                "delays_s": plain(flight.delays),
+                "predicted_by_the_others_rad_per_s": plain(flight.predicted),
+                "wheel_speed_std_rad_per_s": plain(flight.signal),
+            }
+            for flight in found.flights
+        ],
+        "notes": list(found.notes),
+    }
+
+
+def lines(found: Identification) -> Iterator[str]:
+    """Table of the parameters and of the flights, for a terminal."""
+    over, std = found.over_rotor, np.sqrt(np.diag(found.over_rotor_covariance))
+    places = {"Jxx": (0, 0), "Jyy": (1, 1), "Jzz": (2, 2), "Jxy": (0, 1), "Jxz": (0, 2), "Jyz": (1, 2)}
+    yield f"{'':5s}{'J, kg m^2':>14s}{'1 std':>12s}{'J / rotor':>14s}{'1 std':>10s}"
+    for k, name in enumerate(NAMES):
+        parameter = found.parameters[k]
+        if not parameter.determined:
+            yield f"{name:5s}{'the data do not tell':>26s}"
+            continue
+        cells = (*rounded(parameter.value, parameter.std), *rounded(over[places[name]], std[k]))
+        yield f"{name:5s}{cells[0]:>14s}{cells[1]:>12s}{cells[2]:>14s}{cells[3]:>10s}"
+    yield ""
+    yield f"{'flight':28s}{'rows':>7s}{'used':>7s}{'outliers':>10s}{'pred. error':>13s}{'speed std':>11s}, rad/s"
+    for flight in found.flights:
+        predicted = f"{flight.predicted:13.2f}" if np.isfinite(flight.predicted) else f"{'-':>13s}"
+        yield (
+            f"{flight.name[:27]:28s}{flight.rows:7d}{flight.used:7d}{len(flight.outliers):10d}{predicted}"
+            f"{flight.signal:11.1f}"
+        )

@@ -1,0 +1,38 @@
+"""Onboard loop: the part of a decision that needs readings alone, for a flight whose truth is not simulated here.
+
+It calls what an episode calls, on a record of readings in the place of the truth.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core import episode
+from satid_gym.core.belief import filters
+from satid_gym.core.jit import kernel
+from satid_gym.core.observation import observe
+from satid_gym.core.records import FLOAT, INT
+
+
+@functools.cache
+def readings_dtype(n: int) -> np.dtype:
+    """Readings of one instant, rad/s, in the fields that the truth's record has for them."""
+    return np.dtype([("gyro", FLOAT, 3), ("tachometer", FLOAT, n), ("gyro_flagged", INT)], align=True)
+
+
+@kernel
+def begin(readings, beliefs, tasks, work, observations):
+    """Belief and observation after the first readings."""
+    filters.start(beliefs[0], work[0], readings[0].gyro, readings[0].tachometer)
+    observe(beliefs[0], tasks[0], readings[0].gyro, readings[0].tachometer, observations[0])
+
+
+@kernel
+def take(readings, beliefs, tasks, work, dt, observations):
+    """Belief and observation after readings dt seconds later; normalised innovation squared per degree of freedom."""
+    filters.predict(beliefs[0], work[0], readings[0].tachometer, dt)
+    nis = episode.take_reading(readings[0], beliefs[0], work[0])
+    observe(beliefs[0], tasks[0], readings[0].gyro, readings[0].tachometer, observations[0])
+    return nis

@@ -1,0 +1,246 @@
+"""Pilot: filter, observation, policy and rate loop as one object, for a control loop outside the environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from satid_gym.config import check_integer, check_number
+from satid_gym.estimators.batch.regression import NAMES
+from satid_gym.estimators.inertia import inertia_tensors
+from satid_gym.estimators.records import new_work
+from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.gym_api import real_action
+from satid_gym.onboard import kernels
+from satid_gym.onboard.gap import widen
+from satid_gym.onboard.readings import gyro_reading, wheel_reading
+from satid_gym.onboard.reports import Estimate, Status
+from satid_gym.policies import BASELINES, find, make_baseline, names
+from satid_gym.policy import Policy, includes_covariance, missions
+from satid_gym.problem import SatelliteLike, ScenarioLike, problem
+from satid_gym.templates import build_templates
+
+_SAME = 1e-6  # of the sample period, within which two intervals are the same
+
+
+class Pilot:
+    """Flies a policy on readings that come from anywhere: another simulator, a test bench, a satellite.
+
+    Give it every reading of gyro and wheel speeds, once a sample period or as they come; it answers with the motor
+    torque to command, which changes once a decision period. On the same readings it commands what the environment
+    commands and believes what its filter believes.
+
+    A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel speeds
+    it waits for the next ones and crosses the gap with speeds between the two. A decision that falls due without wheel
+    speeds, or `patience` seconds after the gyro's last reading, commands no torque, and so does a filter that broke
+    down; `status` says so. What is commanded is always finite and within the motors' limits.
+
+    Args:
+        satellite: name, file, mapping or `Satellite`; its data sheet is what the filter is told.
+        policy: a shipped policy's name, a baseline's that is tuned for the satellite, the path of a policy, or any
+            object that follows `Policy`.
+        scenario: periods, horizon, limits and the filter's prior, as for the environment.
+        estimator: a compiled filter, by name or settings; None takes the scenario's.
+        patience: s without a gyro reading after which it commands no torque; None: three decision periods.
+        seed: of policies that draw at random.
+
+    Raises:
+        ValueError: a name is unknown, a value is not valid, or the policy cannot fly this satellite.
+    """
+
+    def __init__(
+        self,
+        satellite: SatelliteLike,
+        policy: str | Policy = "generalist",
+        *,
+        scenario: ScenarioLike = "default",
+        estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
+        patience: float | None = None,
+        seed: int = 0,
+    ) -> None:
+        given = problem(satellite, "static", scenario, estimator)
+        if len(given.satellites) != 1:
+            raise ValueError(f"a pilot flies one satellite, got {[s.name for s in given.satellites]}")
+        world, (own,) = given.scenario, given.satellites
+        self.policy: Policy = policy_by_name(policy, own.name, world.name) if isinstance(policy, str) else policy
+        self.problem = given.replace(include_covariance=includes_covariance(self.policy))
+        (self.mission,) = missions(self.problem)
+        self.patience = 3.0 * world.decision_period if patience is None else check_number("patience", patience)
+        self.seed = check_integer("seed", seed, low=0)
+        self.status = Status()
+        self._first = build_templates(self.problem).records
+        n, size = self.problem.wheels, max(place.stop for place in self.problem.layout.values())
+        self._readings = np.zeros(1, kernels.readings_dtype(n))
+        self._observation = np.zeros((1, size), np.float32)
+        self._torque = np.zeros(n)
+        self.policy.reset(self.mission, [self.seed])  # a policy that cannot fly this satellite says so now
+
+    @property
+    def estimate(self) -> Estimate:
+        """What the filter believes now.
+
+        Raises:
+            RuntimeError: `start` was not called.
+        """
+        if self.status.state == "waiting":
+            raise RuntimeError("there is no estimate yet: call start(time, gyro, wheel_speed) first")
+        row = self._beliefs[0]
+        p = len(row["prior_theta"])
+        theta = row["mean"][3 : 3 + p].copy()
+        block = row["covariance"][3 : 3 + p, 3 : 3 + p]
+        return Estimate(
+            time=self._time,
+            names=NAMES[:p],
+            theta=theta,
+            covariance=block + row["scale_variance"] * np.outer(theta, theta),
+            inertia=inertia_tensors(theta),
+            mean=row["mean"].copy(),
+            state_covariance=row["covariance"].copy(),
+            nis=self._nis,
+            accepted=not row["coasting"],
+        )
+
+    def start(self, time: float, gyro: object, wheel_speed: object) -> np.ndarray:
+        """Begin a flight, or begin again.
+
+        Args:
+            time: s, of any clock.
+            gyro: (3,) rad/s, body frame.
+            wheel_speed: (n,) relative to the body, rad/s.
+
+        Returns:
+            (n,) motor torque on the wheels to command, N m; the body feels the opposite.
+
+        Raises:
+            ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit).
+        """
+        time = check_number("time", time, low=-np.inf)
+        readings = gyro_reading(gyro, self.mission.satellite), wheel_reading(wheel_speed, self.mission.satellite)
+        if any(reading.value is None for reading in readings):
+            raise ValueError("; ".join(reading.message for reading in readings if reading.message))
+        (rate, *_), (speed, *_) = readings
+        self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
+        self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
+        self._begun = self._time = self._seen = self._heard = time
+        self._decided, self._nis, self.status = 0, np.nan, Status(state="flying")
+        self.policy.reset(self.mission, [self.seed])
+        reading = self._readings[0]
+        reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
+        kernels.begin(self._readings, self._beliefs, self._tasks, self._work, self._observation)
+        self._decide(1)
+        return self._torque.copy()
+
+    def step(self, time: float, gyro: object = None, wheel_speed: object = None) -> np.ndarray:
+        """Take in the readings of one instant; arguments and result are those of `start`, None is a missing reading.
+
+        Raises:
+            RuntimeError: `start` was not called.
+            ValueError: the time is not finite, or a reading has another shape.
+        """
+        if self.status.state == "waiting":
+            raise RuntimeError("the pilot has not started: call start(time, gyro, wheel_speed) first")
+        time = check_number("time", time, low=-np.inf)
+        self.status.message = ""
+        readings = gyro_reading(gyro, self.mission.satellite), wheel_reading(wheel_speed, self.mission.satellite)
+        for reading in readings:
+            if reading.value is None:
+                self._count(reading.absence, reading.message)
+        (rate, *_), (speed, *_) = readings
+        period = self.problem.scenario.sample_period
+        if time < self._seen + _SAME * period:
+            self._count("late" if time < self._seen - _SAME * period else "repeated", "a stamp that has passed")
+            return self._torque.copy()
+        self._seen = time
+        due = self._due(time)
+        if speed is not None:
+            self._tasks["decision"] = min(self._decided + max(due, 1) - 1, self.problem.scenario.decisions)
+            self._update(time, rate, speed)
+        self._look_after(time)
+        if due and self.status.state != "over":
+            if speed is None:
+                self._coast("no torque: a decision is due and there are no wheel speeds")
+            elif time - self._heard <= self.patience and not self._lost():
+                self._decide(due)
+        return self._torque.copy()
+
+    def _count(self, kind: str, message: str) -> None:
+        self.status.counts[kind] += 1
+        self._say(message)
+
+    def _say(self, message: str) -> None:
+        self.status.message = f"{self.status.message}; {message}" if self.status.message else message
+
+    def _due(self, time: float) -> int:
+        """Decisions that should have been taken by now and were not; half a sample early counts."""
+        world = self.problem.scenario
+        elapsed = int((time - self._begun + 0.5 * world.sample_period) / world.decision_period)
+        return min(elapsed + 1, world.decisions + 1) - self._decided
+
+    def _update(self, time: float, rate: np.ndarray | None, speed: np.ndarray) -> None:
+        """Give the filter what is there; across a gap it takes as many steps as samples are missing."""
+        reading, period = self._readings[0], self.problem.scenario.sample_period
+        reading["tachometer"], reading["gyro_flagged"] = speed, rate is None
+        if rate is not None:
+            reading["gyro"], self._heard = rate, time
+        dt = time - self._time
+        steps = max(1, round(dt / period))
+        if abs(dt - steps * period) < _SAME * period:
+            dt = steps * period
+        if steps > 1:
+            widen(self._beliefs[0], self.mission.satellite.wheels, dt)
+            alignment = self._beliefs[0]["alignment"]
+            if alignment["on"]:  # until they have left the means, readings from before the gap would stand in them
+                alignment["mixed"] = alignment["span"] + 1
+        self._beliefs["substeps"] = self._substeps * steps
+        self._nis = float(kernels.take(self._readings, self._beliefs, self._tasks, self._work, dt, self._observation))
+        self._beliefs["substeps"] = self._substeps
+        self._time = time
+
+    def _look_after(self, time: float) -> None:
+        """End the flight at the horizon, and coast where the filter is blind or lost."""
+        if self._decided + self._due(time) > self.problem.scenario.decisions:
+            self._hold(np.zeros_like(self._torque))
+            self.status.state = "over"
+        elif self._lost():
+            self._coast("the filter broke down: start again")
+        elif time - self._heard > self.patience:
+            self._coast(f"no gyro reading for {time - self._heard:.3g} s")
+
+    def _lost(self) -> bool:
+        """Whether the filter broke down, after which only `start` helps."""
+        return bool(self._beliefs["broken"][0]) or not np.isfinite(self._observation).all()
+
+    def _decide(self, due: int) -> None:
+        """Ask the policy, once for each decision that is due, so that one that counts them keeps up."""
+        for _ in range(due):
+            action = real_action("action", self.policy(self._observation.copy()))
+        self._decided += due
+        self.status.counts["missed"] += due - 1
+        if action.shape != (1, len(self._torque)) or not np.isfinite(action).all():
+            return self._coast(f"policy {self.policy.name} gave no torque: {action.tolist()}")
+        self._hold(np.clip(action[0].astype(float), -1.0, 1.0))
+        self.status.state = "flying"
+        return None
+
+    def _coast(self, message: str) -> None:
+        self._hold(np.zeros_like(self._torque))
+        self.status.state = "coasting"
+        self._say(message)
+
+    def _hold(self, fraction: np.ndarray) -> None:
+        """Command a fraction (n,) of the motors' limits until the next decision, and tell the filter."""
+        task = self._tasks[0]
+        task["command"] = fraction
+        self._torque = fraction * task["torque_max"]
+        self._work["torque"][0] = self._torque
+
+
+def policy_by_name(name: str, satellite: str, scenario: str) -> Policy:
+    """Policy by name or path.
+
+    Raises:
+        ValueError: there is none, or a baseline is not tuned for the satellite.
+    """
+    return make_baseline(name, satellite, scenario) if name in BASELINES and name not in names() else find(name)

@@ -1,0 +1,54 @@
+"""Readings as they come: missing, refused or good."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from satid_gym.satellite import Satellite
+
+SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading of more than so many limits is a wrong unit or a fault
+
+
+class Reading(NamedTuple):
+    """A reading, or None with the kind of its absence ("missing" or "refused") and what was wrong, in words."""
+
+    value: np.ndarray | None
+    absence: str = ""
+    message: str = ""
+
+
+def gyro_reading(value: object, satellite: Satellite) -> Reading:
+    """Reading of the gyro, (3,) rad/s.
+
+    Raises:
+        ValueError: it has another shape.
+    """
+    limit = satellite.rate_limit
+    return _reading("gyro", value, np.full(3, RATE_MAX * limit), f"rad/s where the rate limit is {limit:g}", "in deg/s")
+
+
+def wheel_reading(value: object, satellite: Satellite) -> Reading:
+    """Reading of the wheel speeds, (n,) rad/s.
+
+    Raises:
+        ValueError: it has another shape.
+    """
+    limit = satellite.wheels.max_speed
+    return _reading("wheel speed", value, SPEED_MAX * limit, f"rad/s where the limit is {limit.max():g}", "in rpm")
+
+
+def _reading(name: str, value: object, limit: np.ndarray, compared: str, unit: str) -> Reading:
+    if value is None:
+        return Reading(None, "missing", f"no {name}")
+    array = np.asarray(value, dtype=float)
+    if array.shape != limit.shape:
+        raise ValueError(f"{name} must have shape {limit.shape}, got {array.shape}")
+    if np.isnan(array).all():
+        return Reading(None, "missing", f"no {name}")
+    if not np.isfinite(array).all():
+        return Reading(None, "refused", f"{name} is not finite: {array.tolist()}")
+    if (np.abs(array) > limit).any():
+        return Reading(None, "refused", f"{name} reads {np.abs(array).max():.4g} {compared}: is it {unit}?")
+    return Reading(array)

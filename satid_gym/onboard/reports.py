@@ -1,0 +1,60 @@
+"""Reports of the pilot: its status, and what its filter believes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+State = Literal["waiting", "flying", "coasting", "over"]
+_COUNTED = ("missing", "refused", "repeated", "late", "missed")
+
+
+@dataclass(kw_only=True)
+class Status:
+    """What the pilot made of the readings so far.
+
+    Attributes:
+        state: "waiting" for `start`; "flying"; "coasting", with no torque, for want of readings or of a filter that
+            can be trusted; "over", with no torque, after the scenario's horizon.
+        message: what was wrong with the last readings, in one line; empty where nothing was.
+        counts: how often readings were "missing" (None), "refused" (not finite, or beyond any limit), "repeated"
+            (a stamp that was there before), "late" (a stamp before the last); and "missed", decisions that passed
+            altogether, since no good reading came before the next was due.
+    """
+
+    state: State = "waiting"
+    message: str = ""
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(_COUNTED, 0))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """What the filter believes at one instant, body frame, SI units.
+
+    Attributes:
+        time: of the last readings that the filter took in, s.
+        names: (p,) of the inertia parameters: Jxx, Jyy, Jzz, and Jxy, Jxz, Jyz where all six are estimated.
+        theta: (p,) their estimates, kg m^2.
+        covariance: (p, p), with what the data sheet leaves open of the rotors' common factor.
+        inertia: (3, 3) kg m^2.
+        mean, state_covariance: (size,) and (size, size) of the filter's whole state.
+        nis: normalised innovation squared of the last update per degree of freedom; NaN before the first.
+        accepted: whether the filter took the gyro's last reading; without, it goes on by its own rate.
+    """
+
+    time: float
+    names: tuple[str, ...]
+    theta: np.ndarray
+    covariance: np.ndarray
+    inertia: np.ndarray
+    mean: np.ndarray
+    state_covariance: np.ndarray
+    nis: float
+    accepted: bool
+
+    @property
+    def std(self) -> np.ndarray:
+        """(p,) standard deviations of theta, kg m^2."""
+        return np.sqrt(np.diag(self.covariance))

@@ -1,0 +1,66 @@
+"""Log: the readings of one flight, in SI units and the body frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+GAP = 2.5  # intervals longer than so many medians are gaps
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Log:
+    """Readings of one flight; NaN, which infinities become, is a reading that is not there.
+
+    Attributes:
+        time: (N,) s, of any clock; increasing.
+        rate: (N, 3) gyro, rad/s, body frame.
+        wheel_speed: (N, n) relative to the body, rad/s.
+        attitude: (N, 4) quaternion, body to inertial, scalar last, or None.
+        name: what pages call the flight.
+        notes: what was found while reading, a line each: units taken, rows left out, gaps.
+
+    Raises:
+        ValueError: a shape is wrong, a stamp is not finite, or stamps do not increase.
+    """
+
+    time: np.ndarray
+    rate: np.ndarray
+    wheel_speed: np.ndarray
+    attitude: np.ndarray | None = None
+    name: str = "log"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("time", "rate", "wheel_speed", "attitude"):
+            if getattr(self, name) is not None:
+                value = np.array(getattr(self, name), dtype=float)
+                object.__setattr__(self, name, value if name == "time" else np.where(np.isfinite(value), value, np.nan))
+        count = len(self.time) if self.time.ndim == 1 else -1
+        if count < 2:
+            raise ValueError(f"time of a log must have shape (N,) with N >= 2, got {self.time.shape}")
+        if self.rate.shape != (count, 3):
+            raise ValueError(f"rate of a log must have shape ({count}, 3), got {self.rate.shape}")
+        if self.wheel_speed.ndim != 2 or len(self.wheel_speed) != count or self.wheel_speed.shape[1] < 3:
+            raise ValueError(
+                f"wheel_speed of a log must have shape ({count}, n) with n >= 3, got {self.wheel_speed.shape}"
+            )
+        if self.attitude is not None and self.attitude.shape != (count, 4):
+            raise ValueError(f"attitude of a log must have shape ({count}, 4) or be None, got {self.attitude.shape}")
+        if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0.0).any():
+            raise ValueError("time of a log must be finite and increase from row to row; read_log sees to that")
+
+    @property
+    def interval(self) -> float:
+        """Median time between two rows, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Start and length, s, of the intervals that are longer than 2.5 medians."""
+        steps = np.diff(self.time)
+        return [(float(self.time[i]), float(steps[i])) for i in np.flatnonzero(steps > GAP * self.interval)]
+
+    def __len__(self) -> int:
+        return len(self.time)

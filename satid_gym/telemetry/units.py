@@ -1,0 +1,71 @@
+"""Units of telemetry: their names, and the factors to SI."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from collections.abc import Mapping
+
+from satid_gym.config import unknown_name
+
+RPM, DEGREE = math.pi / 30.0, math.pi / 180.0
+_NAMES: dict[str, tuple[float, tuple[str, ...]]] = {
+    "rad/s": (1.0, ("rads", "radps")),
+    "mrad/s": (1e-3, ("mrads",)),
+    "deg/s": (DEGREE, ("degs", "dps", "degps")),
+    "rpm": (RPM, ("revmin", "umin", "1min")),
+    "s": (1.0, ("unix", "unixs")),
+    "ms": (1e-3, ("millis",)),
+    "us": (1e-6, ("micros",)),
+    "ns": (1e-9, ("nanos",)),
+}
+_SHORT = {"°": "deg", "degrees": "deg", "degree": "deg", "µ": "u", "per": "", "seconds": "s", "second": "s", "sec": "s"}
+SPEEDS, TIMES = ("rad/s", "mrad/s", "deg/s", "rpm"), ("s", "ms", "us", "ns")
+ALLOWED = {"time": TIMES, "rate": SPEEDS, "wheel_speed": SPEEDS}
+ORDERS = ("scalar first", "scalar last")
+_HEADER = re.compile(r"^(.*?)[\s_]*[\[(]([^\])]*)[\])]\s*$")
+_ENDING = re.compile(r"^(.+?)[\s_](rpm|dps|deg_?s|deg/s|rad_?s|rad/s|mrad_?s|ms|us|ns|s)$", flags=re.IGNORECASE)
+
+
+def unit_of(text: str) -> str | None:
+    """Unit that a text such as "°/s", "RPM" or "deg/sec" stands for; None where it is none of ours."""
+    plain = text.strip().lower()
+    for long, short in _SHORT.items():
+        plain = plain.replace(long, short)
+    if plain in _NAMES:
+        return plain
+    squeezed = re.sub(r"[^a-z0-9]", "", plain)
+    for unit, (_, others) in _NAMES.items():
+        if squeezed == re.sub(r"[^a-z]", "", unit) or squeezed in others:
+            return unit
+    return None
+
+
+def split_header(header: str) -> tuple[str, str | None]:
+    """Name and unit of a column: "gx [deg/s]", "w1 (rpm)", "rate_x_dps"; a unit that is not ours stays in the name."""
+    for pattern in (_HEADER, _ENDING):
+        found = pattern.match(header.strip())
+        if found and unit_of(found[2]):
+            return found[1], unit_of(found[2])
+    return header.strip(), None
+
+
+def option_of(units: Mapping[str, str]) -> str:
+    """How to give these units by role, on the command line and in Python."""
+    words = " ".join(shlex.quote(f"{role}={unit}") for role, unit in units.items())
+    python = ", ".join(f'"{role}": "{unit}"' for role, unit in units.items())
+    return f"--units {words} (Python: units={{{python}}})"
+
+
+def factor(role: str, unit: str) -> float:
+    """Factor to SI; a minus sign before the unit turns the sign as well.
+
+    Raises:
+        ValueError: the unit is not one of the role's.
+    """
+    sign = -1.0 if unit.strip().startswith("-") else 1.0
+    known = unit_of(unit.strip().removeprefix("-"))
+    if known not in ALLOWED[role]:
+        raise unknown_name(f"unit of {role}", unit, ALLOWED[role])
+    return sign * _NAMES[known][0]

@@ -1,0 +1,248 @@
+"""Identification from recorded flights: truth, coverage, slips, and a clear no where there is nothing to tell."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+import satid_gym
+from baselines.identification.coverage import KINDS, coverage, distances
+from baselines.identification.recorded import CUBESAT, clean_log, drawn, motion, write_downlink
+from satid_gym.estimators.inertia import inertia_parameters
+from satid_gym.identification import NotIdentifiedError, SlipError, identify
+from satid_gym.identification.record import record
+from satid_gym.telemetry import Log, read_log, read_logs
+from satid_gym.telemetry.units import RPM
+from tests.cases import cases
+
+
+@functools.cache
+def flight(seed=0, seconds=200.0, satellite="threeu"):
+    """Truth and motion."""
+    nominal = CUBESAT if satellite == "threeu" else satid_gym.SATELLITES[satellite]
+    rng = np.random.default_rng([seed, 7])
+    truth = drawn(nominal, rng)
+    return truth, motion(truth, rng, seconds)
+
+
+@functools.cache
+def clean(seed=0, delay=0):
+    truth, flown = flight(seed)
+    return truth, clean_log(flown, CUBESAT, np.random.default_rng([seed, 8]), delay)
+
+
+def downlink(folder, seed=0, flights=1, seconds=300.0):
+    rng = np.random.default_rng([seed, 9])
+    truth = drawn(CUBESAT, rng)
+    for number in range(flights):
+        write_downlink(folder / f"flight{number}", motion(truth, rng, seconds), truth, rng)
+    return truth, read_logs(folder)
+
+
+def test_the_truth_is_found_to_a_thousandth_and_within_the_claim():
+    truth, log = clean()
+    found = satid_gym.identify(log, CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    assert np.linalg.norm(found.inertia - truth.inertia) < 1e-3 * np.linalg.norm(truth.inertia)
+    np.testing.assert_allclose(found.over_rotor * 5.7e-5, found.inertia)
+    np.testing.assert_allclose(found.over_rotor_covariance * 5.7e-5**2, found.covariance)
+    assert [p.name for p in found.parameters] == ["Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz", "delay of wheel speeds"]
+    assert [p.value for p in found.parameters[:6]] == inertia_parameters(found.inertia, "full").tolist()
+    assert [p.std for p in found.parameters[:6]] == np.sqrt(np.diag(found.covariance)).tolist()
+    assert 0.05 < found.flights[0].predicted < 0.3  # a tachometer's noise of 0.1 rad/s, and the gyro's
+
+
+def test_the_claim_covers_the_truth_in_ten_draws():
+    found = coverage("clean", 10)
+    assert 0.5 < found.one < 0.95  # of 60 numbers; nominally 0.68
+    assert found.two > 0.88
+    assert found.three == 1.0
+    assert 0.4 < found.nees < 1.7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_claim_covers_the_truth_in_a_hundred_draws(kind):
+    found = coverage(kind, 100)
+    assert 0.55 < found.one < 0.9
+    assert found.two > 0.9
+    assert found.three > 0.98
+    assert 0.3 < found.nees < 2.0
+
+
+def test_slow_telemetry_in_whole_seconds_with_gaps_and_stale_rows(tmp_path):
+    truth, logs = downlink(tmp_path, flights=2)
+    found = identify(logs, CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    assert np.abs(np.diag(found.inertia) / np.diag(truth.inertia) - 1.0).max() < 0.01
+    assert max(told.predicted for told in found.flights) < 0.7
+    delay = found.parameters[6]
+    assert delay.value == pytest.approx(0.2, abs=0.1)
+    assert any("stamps of wheel speeds are" in note for note in found.notes)
+    assert any("gaps" in note for note in found.notes)
+
+
+def test_four_wheels_and_another_satellite(pyramid):
+    nominal = pyramid.replace(rate_limit=0.05)
+    rng = np.random.default_rng(4)
+    truth = nominal.replace(inertia=1.1 * nominal.inertia)
+    found = identify(clean_log(motion(truth, rng, 200.0), truth, rng), nominal)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    assert found.over_rotor[0, 0] == pytest.approx(found.inertia[0, 0] / 2e-3)
+
+
+def changed(log, **roles):
+    return dataclasses.replace(log, **{role: change(getattr(log, role)) for role, change in roles.items()})
+
+
+@cases(
+    ("roles", "message"),
+    [
+        (
+            {"wheel_speed": lambda v: v / RPM},
+            "wheel speeds in rpm that were read as rad/s explains it: give --units wheel_speed=rpm",
+        ),
+        ({"wheel_speed": lambda v: v * RPM}, "wheel speeds in rad/s that were read as rpm explains it"),
+        ({"rate": np.degrees}, "gyro rates in deg/s that were read as rad/s explains it: give --units rate=deg/s"),
+        ({"rate": np.radians}, "gyro rates in rad/s that were read as deg/s explains it"),
+        ({"rate": np.degrees, "wheel_speed": lambda v: v / RPM}, "deg/s and wheel speeds in rpm, both read as rad/s"),
+        ({"wheel_speed": lambda v: v * [1.0, -1.0, 1.0]}, "wheel 2 with the opposite sign explains it"),
+        ({"wheel_speed": lambda v: -v}, "all wheel speeds with the opposite sign explains it"),
+        ({"rate": lambda v: v[:, [0, 2, 1]]}, "gyro axes in the order x, z, y explains it"),
+        ({"wheel_speed": lambda v: v[:, [2, 1, 0]]}, "wheels in the order 3, 2, 1 explains it"),
+    ],
+)
+def test_a_slip_is_named_in_one_line(roles, message):
+    with pytest.raises(SlipError) as caught:
+        identify(changed(clean()[1], **roles), CUBESAT)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@cases(
+    ("change", "message"),
+    [
+        (lambda log: changed(log, attitude=lambda q: np.roll(q, 1, axis=1)), "give --units 'attitude=scalar first' ("),
+        (lambda log: changed(log, attitude=lambda q: q * [-1, -1, -1, 1]), "inertial to body"),
+        (lambda log: changed(log, rate=np.degrees), "gyro rates in deg/s that were read as rad/s"),
+        (lambda log: changed(log, rate=lambda v: v[:, [1, 0, 2]]), "gyro axes in the order y, x, z"),
+    ],
+)
+def test_a_slip_that_attitude_contradicts_is_named(change, message, tmp_path):
+    _, (log,) = downlink(tmp_path)
+    with pytest.raises(SlipError) as caught:
+        identify(change(log), CUBESAT)
+    assert message in str(caught.value)
+
+
+def test_fifty_milliseconds_between_the_channels_are_found_and_taken_into_account():
+    """Wheel speeds are stamped half a sample late: every second reading at 20 Hz is the gyro's."""
+    truth, flown = flight(3)
+    rng = np.random.default_rng(5)
+    half = 0.5 * (flown.wheel_speed[1:] + flown.wheel_speed[:-1])  # 50 ms before each reading
+    rate, speed = flown.omega[1:] + 1e-4 * rng.normal(size=half.shape), half + 0.1 * rng.normal(size=half.shape)
+    found = identify(Log(time=flown.time[1:], rate=rate, wheel_speed=speed), CUBESAT)
+    assert found.parameters[6].value == pytest.approx(0.05, abs=0.005)
+    assert any(note.startswith("stamps of wheel speeds are 0.05") and "late" in note for note in found.notes)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+
+
+def test_a_gap_and_repeated_stamps_do_no_harm_and_are_said(tmp_path):
+    truth, log = clean(1)
+    rows = np.column_stack([log.time, log.rate, log.wheel_speed])
+    rows = np.concatenate([rows[:700], rows[780:1200], rows[1195:]])
+    path = tmp_path / "a.csv"
+    np.savetxt(path, rows, delimiter=",", header="t,gx,gy,gz,w1,w2,w3", comments="", fmt="%.17g")
+    found = identify(read_log(path), CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    assert any("1 gaps, the longest of 8.1 s" in note for note in found.notes)
+    assert any("5 rows repeat a stamp" in note for note in found.notes)
+
+
+def test_tachometer_faults_are_left_out_and_named():
+    truth, log = clean(2)
+    speed = log.wheel_speed.copy()
+    speed[[500, 900]] += [0.0, 0.0, 25.0]
+    found = identify(dataclasses.replace(log, wheel_speed=speed), CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    faults = found.flights[0].faults
+    assert [(round(fault.time, 6), fault.wheel) for fault in faults] == [(50.0, 3), (90.0, 3)]
+    assert [fault.excess for fault in faults] == pytest.approx([25.0, 25.0], abs=1.0)
+    (note,) = [note for note in found.notes if "at 50 s" in note]
+    assert note.startswith("log: wheel 3 reads +2")
+    assert "tachometer fault" in note
+
+
+def test_a_wrong_number_of_wheels_is_refused(pyramid):
+    with pytest.raises(ValueError, match="log has 3 wheel speeds where satellite pyramid has 4 wheels"):
+        identify(clean()[1], pyramid)
+
+
+def test_a_log_that_tells_nothing_gives_a_no():
+    rng = np.random.default_rng(0)
+    rate, speed = 1e-4 * rng.normal(size=(2000, 3)), rng.normal(size=(2000, 3))
+    still = Log(time=0.1 * np.arange(2000), rate=rate, wheel_speed=speed)
+    with pytest.raises(NotIdentifiedError, match=r"rate changes by .* nothing moves"):
+        identify(still, CUBESAT)
+    _, log = clean()
+    with pytest.raises(NotIdentifiedError, match=r"nothing to identify from|no stretch"):
+        identify(Log(time=log.time[:5], rate=log.rate[:5], wheel_speed=log.wheel_speed[:5]), CUBESAT)
+
+
+def about_x(truth):
+    torque = np.zeros((2000, 3))
+    torque[:, 0] = 3e-4 * np.sign(np.sin(2.0 * np.pi * np.arange(2000) / 400.0 + 1.57))
+    return satid_gym.simulate(truth, torque, 0.1)
+
+
+def test_motion_about_one_axis_tells_its_moment_and_no_other():
+    rng = np.random.default_rng(1)
+    truth = CUBESAT.replace(inertia=[0.04, 0.05, 0.012])
+    flown = about_x(truth)
+    found = identify(clean_log(flown, CUBESAT, rng), CUBESAT)
+    assert found.inertia[0, 0] == pytest.approx(0.04, rel=0.01)
+    assert np.isnan(found.inertia[[1, 2], [1, 2]]).all()
+    assert np.isnan(found.covariance[1]).all()
+    assert found.notes[0].startswith("the data do not tell Jyy, Jzz")
+
+
+def test_axes_that_read_exactly_zero_tell_nothing():
+    """Coarse telemetry of a turn about one axis: it tells that axis's moment, and that its products are small."""
+    truth = CUBESAT.replace(inertia=[0.04, 0.05, 0.012])
+    flown = about_x(truth)
+    log = Log(time=flown.time, rate=flown.omega.round(4), wheel_speed=flown.wheel_speed.round(1))
+    assert not log.rate[:, 1:].any()
+    found = identify(log, CUBESAT)
+    assert abs(found.inertia[0, 0] - 0.04) < 4.0 * found.parameters[0].std
+    assert [parameter.determined for parameter in found.parameters[:6]] == [True, False, False, True, True, False]
+
+
+def test_one_window_alone_is_said_and_a_delay_that_was_not_estimated_is_no_zero():
+    short = changed(clean()[1], **dict.fromkeys(("time", "rate", "wheel_speed"), lambda values: values[:350]))
+    found = identify(short, CUBESAT)
+    assert any(note.startswith("one window alone: nothing but the formal covariance") for note in found.notes)
+    assert np.isfinite(found.flights[0].delays).tolist() == [True, False]
+    assert record(found)["flights"][0]["delays_s"][1] is None
+
+
+def test_readings_that_are_not_there():
+    """A channel that is all NaN is a no; an attitude that is hardly there is left out; an infinity is no reading."""
+    truth, log = clean()
+    with pytest.raises(NotIdentifiedError, match="readings are missing"):
+        identify(changed(log, rate=lambda values: np.nan * values), CUBESAT)
+    plain = identify(log, CUBESAT)
+    without = identify(dataclasses.replace(log, attitude=np.full((len(log), 4), np.nan)), CUBESAT)
+    np.testing.assert_array_equal(without.inertia, plain.inertia)
+    assert "log: attitude is there in 0% of the rows and is left out" in without.notes
+    rate = log.rate.copy()
+    rate[7, 0] = np.inf
+    assert np.abs(distances(identify(dataclasses.replace(log, rate=rate), CUBESAT), truth)[0]).max() < 3.5
+
+
+def test_a_nominal_inertia_twice_off_changes_nothing_and_one_five_times_off_is_asked_about():
+    _, log = clean()
+    twice = identify(log, CUBESAT.replace(inertia=2.0 * CUBESAT.inertia))
+    np.testing.assert_allclose(twice.inertia, identify(log, CUBESAT).inertia, atol=1e-6)
+    with pytest.raises(SlipError, match="or is nominal so far off"):
+        identify(log, CUBESAT.replace(inertia=5.0 * CUBESAT.inertia))

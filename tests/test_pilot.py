@@ -1,0 +1,222 @@
+"""Pilot: the environment's own flight from its readings alone, and what it makes of readings that fail."""
+
+import numpy as np
+import pytest
+
+from satid_gym import Pilot
+from satid_gym.core import kernels
+from satid_gym.fleet import Fleet
+from satid_gym.policies import build, find, make_baseline
+from satid_gym.policy import includes_covariance, missions
+from satid_gym.problem import problem
+from tests.cases import cases
+
+
+class Flight:
+    """An episode of the environment, and a second one from the same seed whose readings a pilot is given."""
+
+    def __init__(self, satellite, policy, scenario, seed=5):
+        self.policy = policy
+        self.problem = problem(satellite, "static", scenario, include_covariance=includes_covariance(policy))
+        self.fleets = [Fleet(self.problem, 1) for _ in range(2)]
+        for fleet in self.fleets:
+            fleet.rows.plants["stream"][0] = np.random.default_rng(seed).integers(1, 2**64, 4, dtype=np.uint64)
+            fleet.begin()
+        (mission,) = missions(self.problem)
+        policy.reset(mission, [0])
+
+    def decisions(self, count):
+        """For each decision: its action, and then belief and readings of each of its samples."""
+        flown, read = self.fleets
+        for _ in range(count):
+            action = np.asarray(self.policy(flown.rows.observations.copy()), np.float32)
+            kernels.command(read.rows, read.work, action[0])
+            samples = []
+            for _ in range(self.problem.scenario.samples):
+                kernels.sample(read.rows, read.work)
+                plant = read.rows.plants[0]
+                gyro = None if plant["gyro_flagged"] else plant["gyro"].copy()
+                samples.append((gyro, plant["tachometer"].copy()))
+            flown.step(action)
+            belief = flown.rows.beliefs[0]
+            yield action[0], samples, belief["mean"].copy(), belief["covariance"].copy()
+
+
+def readings(plant):
+    return plant["gyro"].copy(), plant["tachometer"].copy()
+
+
+def rate_square(satellite):
+    return build("rate_square", {"period": 36.0, "margin": 2.5})
+
+
+@cases(
+    ("name", "wheels", "scenario", "count"),
+    [
+        ("generalist", 3, "default", 300),
+        ("generalist", 3, "faults", 120),
+        ("rate_square", 3, "default", 60),
+        ("mpc", 3, "default", 40),
+        ("multi_step", 3, "tight", 60),
+        ("rate_square", 4, "default", 60),
+        ("mpc", 4, "default", 20),
+        ("multi_step", 4, "default", 60),
+        ("rate_square", 3, "paper", 40),
+        ("rate_square", 4, {"tolerances": {"gyro_bias": 1e-4, "wheel_inertia": 1e-3}}, 40),
+    ],
+)
+def test_it_commands_and_believes_what_the_environment_does(name, wheels, scenario, count, pyramid):
+    satellite = "microsat" if wheels == 3 else pyramid
+    settings = {"rate_square": {"period": 36.0, "margin": 2.5}, "mpc": {}, "multi_step": {"amplitude": 0.02}}
+    make = (lambda: find(name)) if name == "generalist" else (lambda: build(name, settings[name]))
+    flight = Flight(satellite, make(), scenario)
+    pilot = Pilot(satellite, make(), scenario=scenario, patience=1e3)
+    world = flight.problem.scenario
+    torque = pilot.start(0.0, *readings(flight.fleets[1].rows.plants[0]))
+    limit, sample = pilot.mission.satellite.wheels.max_torque, 0
+    for action, samples, mean, covariance in flight.decisions(count):
+        expected = np.clip(action.astype(float), -1.0, 1.0) * limit
+        np.testing.assert_allclose(torque, expected, rtol=0.0, atol=1e-9 * limit.max())
+        for gyro, speed in samples:
+            sample += 1
+            torque = pilot.step(sample * world.sample_period, gyro, speed)
+        found = pilot.estimate
+        np.testing.assert_allclose(found.mean, mean, rtol=1e-9, atol=1e-12)
+        scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+        assert np.abs(found.state_covariance - covariance).max() <= 1e-9 * scale.max()
+    assert pilot.status.state == ("over" if count == world.decisions else "flying")
+    assert found.nis > 0.0 or not found.accepted
+
+
+def flown(pilot, flight, spoil, seconds=40):
+    """Torque (N, n) that a pilot commands on a flight's readings, of which `spoil(k, time, gyro, speed)` makes others.
+
+    The episode is the environment's own, so the torque does not reach it: what counts is what the pilot says.
+    """
+    torques = [pilot.start(0.0, *readings(flight.fleets[1].rows.plants[0]))]
+    k = 0
+    for _, samples, _, _ in flight.decisions(seconds):
+        for gyro, speed in samples:
+            k += 1
+            for given in spoil(k, 0.1 * k, gyro, speed):
+                torques.append(pilot.step(*given))
+                assert np.isfinite(torques[-1]).all()
+                assert (np.abs(torques[-1]) <= pilot.mission.satellite.wheels.max_torque).all()
+    return np.array(torques)
+
+
+def untouched(k, time, gyro, speed):
+    return [(time, gyro, speed)]
+
+
+def repeated(k, time, gyro, speed):
+    return [(time, gyro, speed), (time, 2.0 * gyro, speed), (time - 0.05, gyro, speed)]
+
+
+def test_repeated_and_late_stamps_change_nothing():
+    one, two = Pilot("microsat", make_baseline("rate_square", "microsat")), Pilot("microsat", "rate_square")
+    plain = flown(one, Flight("microsat", rate_square("microsat"), "default"), untouched)
+    again = flown(two, Flight("microsat", rate_square("microsat"), "default"), repeated)
+    np.testing.assert_array_equal(plain[1:], again[1::3])
+    np.testing.assert_array_equal(one.estimate.mean, two.estimate.mean)
+    assert two.status.counts["repeated"] == two.status.counts["late"] == 400
+    assert one.status.counts == dict.fromkeys(one.status.counts, 0)
+
+
+def error_over_std(pilot, flight):
+    truth = np.diag(flight.fleets[0].rows.reports[0]["inertia_true"])
+    return np.abs(pilot.estimate.theta - truth) / pilot.estimate.std
+
+
+@cases("kind", ["jitter", "missing gyro", "missing wheels", "gap", "NaN"])
+def test_irregular_and_missing_readings_leave_the_estimate_honest(kind):
+    """Error within 4 standard deviations of what the pilot claims, on the readings that came through."""
+    rng = np.random.default_rng(3)
+
+    def spoil(k, time, gyro, speed):
+        if kind == "jitter":  # the reading is of the true instant; only its stamp is read late, by 20 us
+            return [(time + 2e-5 * rng.random(), gyro, speed)]
+        if kind == "gap" and 100 < k < 180:
+            return []
+        lost = rng.random() < 0.3
+        nothing = np.full(3, np.nan)
+        if kind == "missing gyro":
+            return [(time, None if lost else gyro, speed)]
+        if kind == "missing wheels":
+            return [(time, gyro, None if lost else speed)]
+        if kind == "NaN":
+            return [(time, np.append(gyro[:2], np.nan) if lost else gyro, nothing if rng.random() < 0.1 else speed)]
+        return [(time, gyro, speed)]
+
+    pilot, flight = Pilot("microsat", "rate_square"), Flight("microsat", rate_square("microsat"), "default")
+    flown(pilot, flight, spoil, 60)
+    assert error_over_std(pilot, flight).max() < 4.0
+    assert pilot.estimate.std.max() < 0.02
+    expected = {"missing gyro": "missing", "missing wheels": "missing", "NaN": "refused", "gap": "missed"}
+    assert kind == "jitter" or pilot.status.counts[expected[kind]] > 6
+
+
+def test_without_sensors_it_coasts_and_says_so_and_goes_on_when_they_are_back():
+    seen = {}
+
+    def spoil(k, time, gyro, speed):
+        blind, deaf = 100 < k <= 160, 200 < k <= 230
+        seen[k - 1] = pilot.status.state, pilot.status.message
+        return [(time, None if blind else gyro, None if deaf else speed)]
+
+    pilot, flight = Pilot("microsat", "generalist"), Flight("microsat", find("generalist"), "default")
+    torque = flown(pilot, flight, spoil)
+    assert seen[129] == ("flying", "no gyro")  # for three seconds the filter is trusted
+    assert torque[129].any()
+    assert seen[140] == ("coasting", "no gyro; no gyro reading for 4 s")
+    assert not torque[140].any()
+    assert seen[160][0] == "coasting"
+    assert seen[161] == ("flying", "")
+    assert torque[161].any()
+    assert seen[209] == ("flying", "no wheel speed")  # held until the decision's end
+    assert torque[209].any()
+    assert seen[210] == ("coasting", "no wheel speed; no torque: a decision is due and there are no wheel speeds")
+    assert not torque[210:231].any()  # a decision that waits is taken with the first reading
+    assert torque[231].any()
+    assert pilot.status.counts["missed"] == 2 + 2
+
+
+def test_a_wrong_unit_is_refused_in_one_line():
+    pilot = Pilot("microsat")
+    with pytest.raises(ValueError, match=r"^gyro reads 1 rad/s where the rate limit is 0.03: is it in deg/s\?$"):
+        pilot.start(0.0, [1.0, 0.0, 0.0], np.zeros(3))
+    with pytest.raises(ValueError, match=r"^wheel speed reads 5000 rad/s where the limit is 900: is it in rpm\?$"):
+        pilot.start(0.0, np.zeros(3), [5000.0, 0.0, 0.0])
+    with pytest.raises(RuntimeError, match=r"call start\(time, gyro, wheel_speed\) first"):
+        pilot.step(0.0, np.zeros(3), np.zeros(3))
+    pilot.start(0.0, np.zeros(3), np.zeros(3))
+    pilot.step(0.1, [1.0, 0.0, 0.0], [5000.0, 0.0, 0.0])
+    assert pilot.status.counts["refused"] == 2
+    assert "deg/s" in pilot.status.message
+    assert "rpm" in pilot.status.message
+    with pytest.raises(ValueError, match=r"gyro must have shape \(3,\), got \(2,\)"):
+        pilot.step(0.2, np.zeros(2), np.zeros(3))
+
+
+class Mad:
+    """A policy that commands no number after its third decision."""
+
+    name, kind = "mad", "closed_loop"
+
+    def reset(self, mission, seeds):
+        self.left = 3
+
+    def __call__(self, observation):
+        self.left -= 1
+        return np.full((1, 3), 0.1 if self.left >= 0 else np.nan)
+
+
+def test_a_policy_without_a_number_gives_no_torque():
+    pilot, flight = Pilot("microsat", Mad()), Flight("microsat", Mad(), {"horizon": 6.0})
+    flight.policy = rate_square("microsat")
+    flight.policy.reset(pilot.mission, [0])
+    torque = flown(pilot, flight, untouched, 5)
+    assert torque[:30].all()
+    assert not torque[30:].any()
+    assert pilot.status.state == "coasting"
+    assert "policy mad gave no torque" in pilot.status.message or not pilot.status.message

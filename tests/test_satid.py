@@ -1,0 +1,107 @@
+"""Command `satid`: what it writes and prints, its exit codes, and that its page needs no network."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from baselines.identification.recorded import CUBESAT, clean_log, motion
+from satid_gym.commands import lead
+from satid_gym.commands.main import main
+from tests.cases import cases
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """A folder with a log in deg/s and rpm, and the satellite's file."""
+    folder = tmp_path_factory.mktemp("flight")
+    rng = np.random.default_rng(0)
+    truth = CUBESAT.replace(inertia=[0.05, 0.04, 0.011])
+    log = clean_log(motion(truth, rng, 120.0), CUBESAT, rng)
+    table = np.column_stack([log.time, np.degrees(log.rate), 30.0 / np.pi * log.wheel_speed])
+    names = "t,gx [deg/s],gy [deg/s],gz [deg/s],rw1 (rpm),rw2 (rpm),rw3 (rpm)"
+    np.savetxt(folder / "log.csv", table, delimiter=",", header=names, comments="", fmt="%.10g")
+    (folder / "sat.json").write_text(json.dumps(CUBESAT.to_dict()))
+    return folder
+
+
+def test_identify_writes_json_picture_and_page(flight, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "out"
+    code = main(["identify", str(flight / "log.csv"), "--satellite", str(flight / "sat.json"), "--output", str(out)])
+    assert code == 0
+    found = json.loads((out / "identification.json").read_text())
+    assert found["inertia"][0][0] == pytest.approx(0.05, rel=1e-3)
+    std = np.sqrt(np.diag(found["covariance"]))
+    assert abs(found["inertia"][2][2] - 0.011) < 4.0 * std[2]
+    assert (out / "identification.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    page = (out / "identification.html").read_text()
+    assert "data:image/png;base64," in page
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    assert str(flight) not in page + json.dumps(found)  # no path of this machine
+    shown = capsys.readouterr()
+    assert re.search(r"^Jxx +0\.0[45]", shown.out, flags=re.M)
+    assert "rate taken as deg/s, as files say" in shown.err
+
+
+def test_units_on_the_command_line_and_a_slip_that_is_named(flight, tmp_path, capsys):
+    arguments = [
+        "identify",
+        str(flight / "log.csv"),
+        "--satellite",
+        str(flight / "sat.json"),
+        "--output",
+        str(tmp_path),
+    ]
+    assert main([*arguments, "--units", "wheel_speed=rad/s"]) == 1
+    assert "wheel speeds in rpm that were read as rad/s explains it" in capsys.readouterr().err
+    assert not (tmp_path / "identification.json").exists()
+
+
+@cases(
+    ("arguments", "message"),
+    [
+        (["identify", "none.csv", "--satellite", "microsat"], "none.csv: there is no such file"),
+        (
+            ["identify", "none.csv", "--satellite", "microsat", "--units", "rate"],
+            "--units takes ROLE=VALUE, got 'rate'",
+        ),
+        (["fly", "--policy", "nobody"], "unknown policy"),
+        (["fly", "--satellite", "nothing"], "unknown satellite 'nothing'"),
+        (["fly", "--picture", "a.gif"], "--picture takes a file that ends in .png"),
+    ],
+)
+def test_mistakes_end_with_one_line(arguments, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_fly_prints_a_flight(capsys):
+    assert main(["fly", "--satellite", "cubesat", "--policy", "rate_square", "--inertia", "static", "--seed", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "cubesat, rate_square, seed 1"
+    assert len(lines) == 12
+    assert float(lines[-1].split()[2].rstrip("%")) < 0.1
+
+
+def test_compare_and_train_lead_to_the_checkout(monkeypatch, capsys):
+    """Here they parse the checkout's options; outside of one they say where it is."""
+    with pytest.raises(SystemExit) as caught:
+        main(["train", "--help"])
+    assert caught.value.code == 0
+    assert "--satellite" in capsys.readouterr().out
+    monkeypatch.setattr(lead.importlib.util, "find_spec", lambda name: None)
+    assert main(["compare", "--episodes", "2"]) == 2
+    assert "part of the checkout and not of the library" in capsys.readouterr().err
+
+
+@cases("command", ["identify", "fly"])
+def test_help_has_examples(command, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([command, "--help"])
+    assert caught.value.code == 0
+    assert f"examples:\n  satid {command}" in capsys.readouterr().out
