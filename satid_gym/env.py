@@ -156,6 +156,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         render_mode: str | None = None,
         render_size: int = 480,
         include_covariance: bool = False,
+        control: str = "torque",
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
@@ -165,7 +166,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
         settings: Any = plugin_settings(estimator) if is_estimator(estimator) else estimator
-        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance)
+        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance, control)
         self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)
         self._plugin = PluginFilter(estimator, self.fleet) if is_estimator(estimator) else None
@@ -209,7 +210,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         """Take one decision.
 
         Args:
-            action: (n,) motor torque as fraction of the limit; cut to [-1, 1].
+            action: (n,) motor torque, or (3,) body rate, as fraction of the limit; cut to [-1, 1].
 
         Returns:
             Observation, reward, terminated, truncated, info.

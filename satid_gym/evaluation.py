@@ -107,13 +107,14 @@ def fly(
     scenario: ScenarioLike = "default",
     estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
     reward: str | Mapping[str, Any] | RewardSettings | None = None,
+    control: str = "torque",
     num_threads: int | None = None,
 ) -> Flight:
     """Time series of one policy in the episodes of one cell, flown in parallel.
 
     Args:
         policy: the policy that decides.
-        satellite, inertia, scenario, estimator, reward: as for the environment.
+        satellite, inertia, scenario, estimator, reward, control: as for the environment.
         seeds: one per episode.
         num_threads: see `SatInertiaIDVectorEnv`.
     """
@@ -126,6 +127,7 @@ def fly(
         reward,
         num_threads=num_threads,
         include_covariance=includes_covariance(policy),
+        control=control,
     )
     world = env.problem.scenario
     (mission,) = missions(env.problem)

@@ -61,7 +61,7 @@ class Fleet:
         )
         self.final = Final(np.zeros(count, reports), np.zeros((count, size), np.float32))
         self.rows.tasks["over"] = 1
-        self._actions = np.zeros((count, n), np.float32)
+        self._actions = np.zeros((count, problem.actions), np.float32)
         self._all, self._none = np.ones(count, bool), np.zeros(count, bool)
         most = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         shares = max(1, min(num_threads or most, count // _ROWS_MIN))

@@ -44,7 +44,7 @@ def make_spaces(p: Problem) -> tuple[spaces.Box, spaces.Box]:
     size = max(place.stop for place in p.layout.values())
     return (
         spaces.Box(-BOUND, BOUND, (size,), np.float32),
-        spaces.Box(-1.0, 1.0, (p.wheels,), np.float32),
+        spaces.Box(-1.0, 1.0, (p.actions,), np.float32),
     )
 
 

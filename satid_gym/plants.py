@@ -17,16 +17,25 @@ from satid_gym.satellite import Satellite
 
 
 def new_plant(
-    satellite: Satellite, law: InertiaLaw | None = None, disturbance: Disturbance | None = None, room: int = 1
+    satellite: Satellite,
+    law: InertiaLaw | None = None,
+    disturbance: Disturbance | None = None,
+    room: int = 1,
+    delay: int = 0,
 ) -> np.ndarray:
-    """One row of truth at rest at time 0: the satellite as nominal, without noise; room for so many knots or more.
+    """One row of truth at rest at time 0: the satellite as nominal, without noise.
+
+    Args:
+        satellite, law, disturbance: what it is made of.
+        room: for so many knots of a law or more.
+        delay: room for commands that come so many samples late.
 
     Raises:
         ValueError: the law would make the inertia unphysical on its way.
     """
     wheels, law, disturbance = satellite.wheels, law or InertiaLaw("static"), disturbance or Disturbance()
     count, lines = oscillator_count(satellite.oscillators), satellite.sensors.lines
-    rows = np.zeros(1, plant_dtype(wheels.count, max(room, law.room), count, lines))
+    rows = np.zeros(1, plant_dtype(wheels.count, max(room, law.room), count, lines, delay))
     row = rows[0]
     _write_oscillators(row["oscillators"], satellite.oscillators, satellite.mass)
     row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia

@@ -115,11 +115,12 @@ class PluginFilter:
         rows, work = self._fleet.rows, self._fleet.work
         plant, task, report = rows.plants[0], rows.tasks[0], rows.reports[0]
         kernels.command(rows, work, action)
-        if hasattr(self.estimator, "command"):
-            self.estimator.command(work["torque"][0].copy())
         first = self._uncertainty()
         gain = 0.0
         for _ in range(task["samples"]):
+            kernels.steer(rows, work)
+            if hasattr(self.estimator, "command"):
+                self.estimator.command(work["torque"][0].copy())
             kernels.sample(rows, work)
             if isinstance(self.estimator, CompiledEKF):
                 kernels.announce(rows, self.estimator.records)

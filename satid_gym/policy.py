@@ -27,6 +27,7 @@ class Mission:
         estimator: settings of the filter that is flown.
         scenario: the world.
         layout: names and places of the observation's parts.
+        control: what an action is, "torque" of each wheel or body "rate".
     """
 
     satellite: Satellite
@@ -34,6 +35,12 @@ class Mission:
     estimator: EstimatorSettings
     scenario: Scenario
     layout: dict[str, slice]
+    control: str = "torque"
+
+    @property
+    def actions(self) -> int:
+        """Numbers in an action."""
+        return self.satellite.wheels.count if self.control == "torque" else 3
 
 
 def missions(problem: Problem) -> list[Mission]:
@@ -46,6 +53,7 @@ def missions(problem: Problem) -> list[Mission]:
             estimator=problem.estimator,
             scenario=scenario,
             layout=places,
+            control=problem.control,
         )
         for satellite in problem.satellites
     ]
@@ -68,7 +76,7 @@ class Policy(Protocol):
         """Prepare for len(seeds) episodes that start together; a random policy draws from the seeds alone."""
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Action (N, n) in [-1, 1] for observations (N, size)."""
+        """Action (N, n), or (N, 3) body rates, in [-1, 1] for observations (N, size)."""
 
 
 def includes_covariance(policy: Policy) -> bool:

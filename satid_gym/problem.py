@@ -21,6 +21,7 @@ from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 
+CONTROLS = ("torque", "rate")
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
 InertiaLike = str | InertiaLaw | Mapping[str, Any]
 ScenarioLike = str | Scenario | Mapping[str, Any]
@@ -38,6 +39,7 @@ class Problem(Config):
             satellite, the law or the scenario has products of inertia about the body axes, else "principal".
         reward: what pays.
         include_covariance: whether the filter's whole covariance is observed.
+        control: what an action is, "torque" of each wheel or the body "rate" that the rate loop tracks.
 
     Raises:
         ValueError: the satellites' wheels differ in number, or "principal" would leave out products of inertia.
@@ -49,9 +51,12 @@ class Problem(Config):
     estimator: EstimatorSettings
     reward: RewardSettings
     include_covariance: bool = False
+    control: str = "torque"
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.control not in CONTROLS:
+            raise unknown_name("control", self.control, CONTROLS)
         counts = {s.wheels.count for s in self.satellites}
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
@@ -129,12 +134,17 @@ class Problem(Config):
         return self.satellites[0].wheels.count
 
     @property
+    def actions(self) -> int:
+        """Numbers in an action: a torque for each wheel, or a rate about each body axis."""
+        return self.wheels if self.control == "torque" else 3
+
+    @property
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
         p = PARAMETER_COUNT[self.parameters]
         sheet = self.scenario.operate(self.satellites[0])
         others = self.estimator.other_states(sheet) if self.include_covariance else 0
-        return layout(self.wheels, p, others)
+        return layout(self.wheels, p, others, self.actions)
 
 
 def problem(
@@ -145,6 +155,7 @@ def problem(
     reward: str | Mapping[str, Any] | RewardSettings | None = None,
     max_episode_steps: int | None = None,
     include_covariance: bool = False,
+    control: str = "torque",
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.
 
@@ -167,6 +178,7 @@ def problem(
         estimator=estimator_settings(world.estimator if estimator is None else estimator),
         reward=reward_settings(reward),
         include_covariance=include_covariance,
+        control=control,
     )
 
 

@@ -23,6 +23,7 @@ from satid_gym.tolerances import Tolerances, tolerances_of
 
 _SAMPLES_MAX = 100_000  # a decision
 _DECISIONS_MAX = 1_000_000_000  # an episode
+_DELAY_MAX = 1000  # of a command, in samples
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,6 +56,7 @@ class Scenario(Config):
         orbit_rate: rad/s.
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
+        rate_bandwidth: rad/s, of the rate loop under control="rate"; at most half of the sampling frequency is used.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
         estimator: the filter that is the scenario's default; its name or a mapping with its settings will do.
         faults: what can go wrong with sensors and wheels.
@@ -90,6 +92,7 @@ class Scenario(Config):
     orbit_rate: float = 1e-3
     random_attitude: bool = True
     rate_limit: float | None = None
+    rate_bandwidth: float = 2.0
     termination_factor: float = 3.0
     estimator: EstimatorSettings = field(default_factory=lambda: estimator_settings("adaptive"))
     faults: Faults = field(default_factory=Faults)
@@ -104,6 +107,7 @@ class Scenario(Config):
             check_number(name, getattr(self, name))
         for name in ("disturbance_scale", "solar_pressure", "orbit_rate"):
             check_number(name, getattr(self, name))
+        check_number("rate_bandwidth", self.rate_bandwidth, strict=True)
         check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
         check_number("termination_factor", self.termination_factor, low=1.0)
         for name in ("gyro_noise_std", "tachometer_noise_std"):
@@ -130,9 +134,11 @@ class Scenario(Config):
                 )
         _whole("decision_period / sample_period", self.decision_period / self.sample_period, _SAMPLES_MAX)
         _whole("horizon / decision_period", self.horizon / self.decision_period, _DECISIONS_MAX)
-        if self.faults.torque_delay[1] > self.samples:
+        longest = min(self.samples, _DELAY_MAX)
+        if self.faults.torque_delay[1] > longest:
             raise ValueError(
-                f"torque_delay must be at most a decision, {self.samples} samples, got {self.faults.torque_delay}"
+                f"torque_delay must be at most a decision and {_DELAY_MAX} samples, here {longest}, "
+                f"got {self.faults.torque_delay}"
             )
 
     @property

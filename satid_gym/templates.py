@@ -7,7 +7,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from satid_gym.core.records import Criterion, InertiaMode, Templates, concatenate, task_dtype
+from satid_gym.core.control.rate_tracking import TRACKING_STEP_MAX
+from satid_gym.core.records import Criterion, InertiaMode, Templates, concatenate
+from satid_gym.core.task import task_dtype
 from satid_gym.core.truth.records import draw_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.inertia import products_of_inertia
@@ -56,7 +58,7 @@ def _template(p: Problem, mission: Mission, inertia: np.ndarray | None, room: in
     true = operating if inertia is None else operating.replace(inertia=inertia_tensor(inertia, "true inertia"))
     if inertia is not None and (found := products_of_inertia(true.inertia, np.diag(true.inertia))):
         p.check_parameters(f"the true inertia has products of inertia about the body axes, {found}")
-    plants = new_plant(true, law, disturbance, room)
+    plants = new_plant(true, law, disturbance, room, scenario.faults.torque_delay[1])
     plant = plants[0]
     if isinstance(p.inertia, str) and p.inertia in MASS_MODES:
         plant["law"] = InertiaMode[p.inertia.upper()]
@@ -85,7 +87,7 @@ def _write_sampling(row: np.void, sensors: Sensors, period: float) -> None:
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     scenario, reward = p.scenario, p.reward
-    rows = np.zeros(1, task_dtype(satellite.wheels.count))
+    rows = np.zeros(1, task_dtype(satellite.wheels.count, p.actions))
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
     task["decisions"] = scenario.decisions
@@ -99,7 +101,16 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["criterion"], task["net"] = Criterion[reward.criterion.upper()], reward.net
     for name in NUMBERS:
         task[name] = getattr(reward, name)
+    _write_tracking(task["tracking"], p, satellite)
     return rows
+
+
+def _write_tracking(row: np.void, p: Problem, satellite: Satellite) -> None:
+    wheels = satellite.wheels
+    row["on"] = p.control == "rate"
+    row["bandwidth"] = min(p.scenario.rate_bandwidth, TRACKING_STEP_MAX / p.scenario.sample_period)
+    row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
+    row["spin_max"] = wheels.inertia * wheels.max_speed
 
 
 def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:

@@ -37,7 +37,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: how many.
-        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance: as in
+        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control: as in
             `SatInertiaIDEnv`; the estimator is a compiled one.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
@@ -63,6 +63,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         stagger: bool = False,
         render_mode: str | None = None,
         include_covariance: bool = False,
+        control: str = "torque",
     ) -> None:
         super().__init__()
         self.num_envs = check_integer("num_envs", num_envs)
@@ -75,7 +76,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance)
+        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control)
         self.stagger = check_flag("stagger", stagger)
         self.fleet = Fleet(self.problem, self.num_envs, num_threads=num_threads)
         self.single_observation_space, self.single_action_space = make_spaces(self.problem)
@@ -194,7 +195,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Take one decision in every environment.
 
         Args:
-            actions: (num_envs, n) motor torque as fraction of the limit; cut to [-1, 1].
+            actions: (num_envs, n) motor torque, or (num_envs, 3) body rate, as fraction of the limit; cut to
+                [-1, 1].
 
         Returns:
             Observations, rewards, terminations, truncations, infos.

@@ -8,7 +8,8 @@ import scipy.optimize
 from scipy.spatial.transform import Rotation
 
 from satid_gym import ReactionWheels, Satellite
-from satid_gym.control.deadbeat import reach, within_reach
+from satid_gym.control.deadbeat import reach
+from satid_gym.core.control.allocation import within_reach
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import build, find
 from tests.cases import cases

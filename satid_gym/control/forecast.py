@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from satid_gym.control.deadbeat import allocate, reach, storable
+from satid_gym.control.deadbeat import reach
+from satid_gym.core.control.allocation import allocate, storable
 from satid_gym.core.algebra import (
     add,
     axpy,

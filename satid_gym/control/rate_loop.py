@@ -12,9 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.deadbeat import reach, storable
+from satid_gym.control.deadbeat import reach
 from satid_gym.control.decoded_observation import Belief, PlantConstants
 from satid_gym.core.algebra import axpy_symmetric, inverse, load, load_symmetric, multiply, subtract
+from satid_gym.core.control.allocation import storable
+from satid_gym.core.control.rate_tracking import TRACKING_STEP_MAX
 from satid_gym.core.jit import inline, kernel
 from satid_gym.policy import Mission
 
@@ -51,6 +53,58 @@ class RateLoop:
         command = np.ascontiguousarray(np.broadcast_to(command, belief.omega.shape), dtype=float)
         drive_many(belief, command, constants, self.margin, self._duration, action)
         return action
+
+
+class RateMargin:
+    """Turns rate commands, as fractions of what the envelope allows, into actions that are body rates.
+
+    For environments whose rate loop is their own (`core.control.rate_tracking`): the noise it leaves is that of a
+    first-order loop, whose rate keeps 1 - k dt of its error from sample to sample.
+
+    Args:
+        missions: the satellites that are flown.
+        margin: distance of the reference from the rate limit in standard deviations of the body's rate about it, for
+            the prior's inertia.
+
+    Raises:
+        ValueError: the margin is negative.
+    """
+
+    def __init__(self, missions: Sequence[Mission], margin: float) -> None:
+        self.margin = check_number("margin", margin)
+        self._all_shares = np.array([self._share(mission) for mission in missions])
+        self._shares = self._all_shares[:1]
+
+    def _share(self, mission: Mission) -> np.ndarray:
+        """(3,) of the rate limit that may be commanded."""
+        satellite, world, constants = mission.satellite, mission.scenario, PlantConstants.of([mission])
+        kept = 1.0 - min(world.rate_bandwidth * world.sample_period, TRACKING_STEP_MAX)
+        noise = constants.impulse_std[0] / np.sqrt(world.samples * (1.0 - kept**2))
+        variance = ((np.linalg.inv(mission.prior.inertia) @ satellite.wheels.axes * noise) ** 2).sum(axis=1)
+        std = np.sqrt(variance + satellite.gyro_noise_std**2)
+        return np.maximum(1.0 - self.margin * std / satellite.rate_limit, 0.0)
+
+    def assign(self, rows: np.ndarray) -> None:
+        """Say which mission (N,) each episode of the batch flies; without it all fly the first."""
+        self._shares = self._all_shares[rows]
+
+    def __call__(self, observation: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """Action (N, 3) for observations (N, size), which it does not look at, and rate commands (N, 3) in [-1, 1]."""
+        command = np.broadcast_to(command, (len(observation), 3))
+        return np.clip(command, -1.0, 1.0) * self._shares
+
+
+def rate_loop(missions: Sequence[Mission], margin: float) -> RateLoop | RateMargin:
+    """What turns rate commands into the actions of these missions, which are torques or rates.
+
+    Args:
+        missions: the satellites that are flown; all with the same layout and control.
+        margin: see `RateLoop` and `RateMargin`.
+
+    Raises:
+        ValueError: the margin is negative.
+    """
+    return (RateLoop if missions[0].control == "torque" else RateMargin)(missions, margin)
 
 
 @inline

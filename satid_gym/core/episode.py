@@ -10,6 +10,7 @@ import numpy as np
 from satid_gym.core.algebra import axpy_symmetric, frobenius_square, mahalanobis, store_symmetric
 from satid_gym.core.belief import announcement, filters
 from satid_gym.core.belief.kalman import estimated_inertia, factor_theta
+from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.log import log_sample
 from satid_gym.core.observation import observe
@@ -31,17 +32,19 @@ _NEXT_STEP, _SAME_STEP, _BEGIN = int(Autoreset.NEXT_STEP), int(Autoreset.SAME_ST
 
 @outline
 def command(plant, task, work, report, action):
-    """Turn an action (n,) into the motor torque of the decision, and clear the tallies."""
-    effort = 0.0
+    """Take an action, the motor torque (n,) or the rate reference (3,) of the decision, and clear the tallies."""
+    report.effort = report.information_gain = 0.0
     for k in range(action.shape[0]):
         fraction = min(max(np.float64(action[k]), -1.0), 1.0)
         task.command[k] = fraction
-        work.torque[k] = fraction * task.torque_max[k]
-        effort += fraction * fraction / action.shape[0]
+        if task.tracking.on != 0:
+            task.tracking.reference[k] = fraction * task.rate_limit
+        else:
+            work.torque[k] = fraction * task.torque_max[k]
+            report.effort += fraction * fraction / action.shape[0]
+    for k in range(work.torque.shape[0]):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
-    report.effort = effort
-    report.information_gain = 0.0
     report.outside = report.in_avoided_band = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
@@ -49,6 +52,16 @@ def command(plant, task, work, report, action):
         report.peak_rate[i] = 0.0
     for k in range(report.deflection.shape[0]):
         report.deflection[k] = 0.0
+
+
+@inline
+def steer(plant, belief, task, work, report):
+    """Let the rate loop, where it is on, choose the motor torque until the next readings."""
+    if task.tracking.on == 0:
+        return
+    track(task, belief, plant.gyro, plant.tachometer, work.torque)
+    for k in range(work.torque.shape[0]):
+        report.effort += (work.torque[k] / task.torque_max[k]) ** 2 / (work.torque.shape[0] * task.samples)
 
 
 @outline
@@ -160,6 +173,7 @@ def decide(rows, i, action, work):
     command(plant, task, work, report, action)
     first = last = 0.0
     for step in range(task.samples):
+        steer(plant, belief, task, work, report)
         sample(plant, task, work, report)
         if step == 0:
             first = uncertainty_nats(belief, work, task.criterion)

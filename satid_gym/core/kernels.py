@@ -102,6 +102,12 @@ def command(rows, work, action):
 
 
 @kernel
+def steer(rows, work):
+    """Torque of the rate loop, where it is on, until the next readings."""
+    episode.steer(rows.plants[0], rows.beliefs[0], rows.tasks[0], work[0], rows.reports[0])
+
+
+@kernel
 def sample(rows, work):
     """Truth and sensors of one sample period."""
     episode.sample(rows.plants[0], rows.tasks[0], work[0], rows.reports[0])

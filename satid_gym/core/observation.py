@@ -12,9 +12,10 @@ from satid_gym.core.jit import inline, outline
 BOUND = 10.0
 
 
-def layout(n: int, p: int, others: int = 0) -> dict[str, slice]:
+def layout(n: int, p: int, others: int = 0, actions: int | None = None) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
+    `actions` is the number of an action's numbers, n where None.
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed.
     """
     sizes = {
@@ -27,7 +28,7 @@ def layout(n: int, p: int, others: int = 0) -> dict[str, slice]:
         "control_authority": 3,
         "momentum_fraction": 3,
         "coast_rate_change": 3,
-        "command": n,
+        "command": n if actions is None else actions,
         "time_left": 1,
     }
     if others > 0:
@@ -85,7 +86,7 @@ def observe(belief, task, gyro, tachometer, out):
         i = _write(out, i, task.momentum_fraction[k])
     for k in range(3):
         i = _write(out, i, coast_rate_change[k] * decision_period / task.rate_limit)
-    for k in range(n):
+    for k in range(task.command.shape[0]):
         i = _write(out, i, task.command[k])
     i = _write(out, i, 1.0 - task.decision / task.decisions)
     if i < out.shape[0]:

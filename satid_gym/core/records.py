@@ -1,7 +1,7 @@
 """Records that the core works on: plain numbers, one row an environment, bundled as `Rows`.
 
 Truth (`plant`) and belief (`belief`) are different records, so a function that is handed the belief cannot see the
-true inertia; their fields are in `core.truth.records` and `core.belief.records`. `task` holds what the episode asks
+true inertia; their fields are in `core.truth.records` and `core.belief.records`. `task` (`core.task`) holds what the episode asks
 for, `report` what the last decision gave.
 n: wheels; p: inertia parameters (3 principal moments, or 6 with the products xy, xz, yz); size: filter state.
 All in SI units and the body frame unless said otherwise.
@@ -85,42 +85,6 @@ def concatenate(parts: Sequence[np.ndarray]) -> np.ndarray:
     numpy gives what it joins a new one.
     """
     return np.concatenate(parts).view(parts[0].dtype)
-
-
-@functools.cache
-def task_dtype(n: int) -> np.dtype:
-    """What the episode asks for: timing, envelope, reward, normalisation of the observation."""
-    return np.dtype(
-        [
-            ("template", INT),  # row of the templates the episode was drawn from
-            ("sample_period", FLOAT),
-            ("samples", INT),  # filter steps a decision
-            ("decisions", INT),  # horizon
-            ("decision", INT),  # decisions taken
-            ("torque_max", FLOAT, n),
-            ("wheel_speed_max", FLOAT, n),
-            ("rate_limit", FLOAT),
-            ("termination_rate", FLOAT),
-            ("control_authority", FLOAT, 3),  # rate limits gained a decision at full torque, by prior inertia
-            (
-                "momentum_fraction",
-                FLOAT,
-                3,
-            ),  # share of the wheels' momentum that one rate limit takes, by prior inertia
-            ("criterion", INT),
-            ("net", INT),
-            ("gain_scale", FLOAT),
-            ("held_scale", FLOAT),
-            ("held_reference", FLOAT),
-            ("envelope_margin", FLOAT),
-            ("envelope_weight", FLOAT),
-            ("saturation_weight", FLOAT),
-            ("effort_weight", FLOAT),
-            ("command", FLOAT, n),  # previous action
-            ("over", INT),  # 1 when the episode has ended and has not been reset
-        ],
-        align=True,
-    )
 
 
 @functools.cache

@@ -14,7 +14,7 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.planner import PLANNING_MARGIN, Planner
-from satid_gym.control.rate_loop import RateLoop
+from satid_gym.control.rate_loop import rate_loop
 from satid_gym.policy import Kind, Mission
 
 _CANDIDATES = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
@@ -44,7 +44,7 @@ class GreedyPolicy:
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the rate loop and the planner for the satellite."""
-        self._loop = RateLoop([mission], self.margin)
+        self._loop = rate_loop([mission], self.margin)
         self._left = mission.scenario.decisions
         self._planner = Planner(mission, len(seeds), self.steps, self.margin)
 

@@ -19,7 +19,7 @@ from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, check_number, unknown_name
 from satid_gym.control.decoded_observation import check_observation
-from satid_gym.control.rate_loop import RateLoop
+from satid_gym.control.rate_loop import rate_loop
 from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policy import Kind, Mission
 
@@ -148,7 +148,7 @@ class LearnedPolicy:
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
-        self._loop, self._layout = RateLoop([mission], self.margin), mission.layout
+        self._loop, self._layout = rate_loop([mission], self.margin), mission.layout
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n).

@@ -15,7 +15,7 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
-from satid_gym.control.rate_loop import RateLoop
+from satid_gym.control.rate_loop import rate_loop
 from satid_gym.gym_api import seed_stream
 from satid_gym.policy import Kind, Mission
 
@@ -56,7 +56,7 @@ class MPCPolicy:
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the rate loop, the planner and the initial plan, which is the same for every episode."""
-        self._loop = RateLoop([mission], self.margin)
+        self._loop = rate_loop([mission], self.margin)
         self._planner = Planner(mission, len(seeds), self.steps, self.margin, self.walk)
         self._streams = np.stack([seed_stream(np.random.default_rng([seed, 3])) for seed in seeds])
         self._left = mission.scenario.decisions

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.rate_loop import RateLoop
+from satid_gym.control.rate_loop import rate_loop
 from satid_gym.policy import Kind, Mission
 
 _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period
@@ -37,7 +37,7 @@ class RateSquarePolicy:
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the rate loop for the satellite."""
-        self._loop = RateLoop([mission], self.margin)
+        self._loop = rate_loop([mission], self.margin)
         self._duration = mission.scenario.decision_period
         self._decision = 0
 

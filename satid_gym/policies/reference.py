@@ -1,4 +1,4 @@
-"""Reference policies that every excitation must beat: random torque and zero torque."""
+"""Reference policies that every excitation must beat: random actions, and none."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _STREAM = 1  # makes the policy's draws independent of the environment's for the
 
 
 class RandomPolicy:
-    """Wheel torques uniform within their limits, a new draw for each decision from the episodes' seeds."""
+    """Actions uniform within their limits, a new draw for each decision from the episodes' seeds."""
 
     name = "random"
     kind: Kind = "reference"
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Draw the actions of every episode from its own seed."""
-        shape = (mission.scenario.decisions, mission.satellite.wheels.count)
+        shape = (mission.scenario.decisions, mission.actions)
         draws = [np.random.default_rng([seed, _STREAM]).uniform(-1.0, 1.0, shape) for seed in seeds]
         self._actions = np.stack(draws, axis=1)
         self._decision = 0
@@ -31,15 +31,15 @@ class RandomPolicy:
 
 
 class ZeroPolicy:
-    """Zero torque: excitation by the motors' noise and the disturbance alone."""
+    """Zero torque, or rest: excitation by the motors' noise and the disturbance alone."""
 
     name = "zero"
     kind: Kind = "reference"
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Note the number of wheels."""
-        self._wheels = mission.satellite.wheels.count
+        """Note the size of an action."""
+        self._actions = mission.actions
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n)."""
-        return np.zeros((len(observation), self._wheels))
+        return np.zeros((len(observation), self._actions))

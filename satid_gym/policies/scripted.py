@@ -1,4 +1,4 @@
-"""Open-loop excitation by a torque signal that is fixed before the flight."""
+"""Open-loop excitation by a signal that is fixed before the flight."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def staggered_square(time: np.ndarray, *, period: float, horizon: float | None =
 
 
 class ScriptedPolicy:
-    """Open-loop player of a torque signal.
+    """Open-loop player of a signal: of body torque, or of body rate where actions are rates.
 
     Args:
         name: its name in tables.
-        signal: (time (N,), horizon=T) -> (N, 3) unit torque on the body axes.
-        amplitude: body torque for a signal of 1, as a fraction of the weakest wheel's torque limit; wheel torques
-            are clipped to their limits.
+        signal: (time (N,), horizon=T) -> (N, 3) on the body axes.
+        amplitude: body torque for a signal of 1, as a fraction of the weakest wheel's torque limit, or body rate as a
+            fraction of its limit; actions are cut to their limits.
 
     Raises:
         ValueError: the amplitude is not positive.
@@ -54,11 +54,13 @@ class ScriptedPolicy:
         self.amplitude = check_number("amplitude", amplitude, strict=True)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Compute the script: the torque at the start of each decision is held until its end."""
+        """Compute the script: its value at the start of each decision is held until the end."""
         scenario, wheels = mission.scenario, mission.satellite.wheels
         time = scenario.decision_period * np.arange(scenario.decisions)
-        body = self.amplitude * wheels.max_torque.min() * self.signal(time, horizon=scenario.horizon)
-        self._script = np.clip(wheel_torque(body, wheels) / wheels.max_torque, -1.0, 1.0)
+        script = self.amplitude * self.signal(time, horizon=scenario.horizon)
+        if mission.control == "torque":
+            script = wheel_torque(wheels.max_torque.min() * script, wheels) / wheels.max_torque
+        self._script = np.clip(script, -1.0, 1.0)
         self._decision = 0
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:

@@ -48,23 +48,13 @@ def spike_gyro(plant):
 
 @inline
 def delay_command(plant, torque):
-    """Write what the motors are to follow: `torque` (n,), torque_delay samples after it was first commanded.
-
-    At most one command is waiting, for the delay is no longer than a decision.
-    """
-    changed = False
+    """Write what the motors are to follow: `torque` (n,) as it was commanded torque_delay samples ago."""
+    waiting, last = plant.torque_waiting, plant.torque_delay
     for k in range(torque.shape[0]):
-        if plant.delay_left == 0:
-            plant.torque_obeyed[k] = plant.torque_waiting[k]
-        changed = changed or torque[k] != plant.torque_waiting[k]
-    if changed:
-        for k in range(torque.shape[0]):
-            plant.torque_waiting[k] = torque[k]
-            if plant.torque_delay == 0:
-                plant.torque_obeyed[k] = torque[k]
-        plant.delay_left = plant.torque_delay
-    if plant.delay_left > 0:
-        plant.delay_left -= 1
+        waiting[last, k] = torque[k]
+        plant.torque_obeyed[k] = waiting[0, k]
+        for place in range(last):
+            waiting[place, k] = waiting[place + 1, k]
 
 
 @inline

@@ -21,11 +21,12 @@ def _wheels(n: int) -> list[Field]:
 
 
 @functools.cache
-def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0) -> np.dtype:
+def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, delay: int = 0) -> np.dtype:
     """Truth: wheels, body, environment, sensors, and the random stream that moves them.
 
     `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 for other laws.
     `lines`: room for readings on their way, where sensors are timed.
+    `delay`: the longest of a command, in samples.
     """
     return np.dtype(
         [
@@ -86,14 +87,14 @@ def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0) ->
             # sensor readings at `time`
             ("gyro", FLOAT, 3),
             ("tachometer", FLOAT, n),
-            *_faults(n),
+            *_faults(n, delay),
             ("sampling", sampling_dtype(n, lines)),
         ],
         align=True,
     )
 
 
-def _faults(n: int) -> list[Field]:
+def _faults(n: int, delay: int) -> list[Field]:
     """What goes wrong in the episode; the rest is void where `faulty` is 0."""
     return [
         ("faulty", INT),
@@ -107,8 +108,7 @@ def _faults(n: int) -> list[Field]:
         ("wheel_loss_start", FLOAT),  # s
         ("wheel_loss_left", FLOAT),  # part of the motor torque that the weak wheel still gives
         ("torque_delay", INT),  # samples
-        ("delay_left", INT),  # samples until torque_waiting is obeyed
-        ("torque_waiting", FLOAT, n),  # last command
+        ("torque_waiting", FLOAT, (delay + 1, n)),  # commands, that which is obeyed next first
         ("torque_obeyed", FLOAT, n),  # command that the motors follow
         ("gyro_flagged", INT),  # 1: the gyro says that its reading is repeated
         ("spiked", INT),  # 1: the reading is an outlier

@@ -1,0 +1,50 @@
+"""Record of the task: what an episode asks for, its timing, envelope and reward, and the normalisation of observations.
+
+It holds the rate loop too, whose reference is an action.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core.control.rate_tracking import tracking_dtype
+from satid_gym.core.records import FLOAT, INT
+
+
+@functools.cache
+def task_dtype(n: int, actions: int) -> np.dtype:
+    """Fields for n wheels and so many numbers in an action."""
+    return np.dtype(
+        [
+            ("template", INT),  # row of the templates the episode was drawn from
+            ("sample_period", FLOAT),
+            ("samples", INT),  # filter steps a decision
+            ("decisions", INT),  # horizon
+            ("decision", INT),  # decisions taken
+            ("torque_max", FLOAT, n),
+            ("wheel_speed_max", FLOAT, n),
+            ("rate_limit", FLOAT),
+            ("termination_rate", FLOAT),
+            ("control_authority", FLOAT, 3),  # rate limits gained a decision at full torque, by prior inertia
+            (
+                "momentum_fraction",
+                FLOAT,
+                3,
+            ),  # share of the wheels' momentum that one rate limit takes, by prior inertia
+            ("criterion", INT),
+            ("net", INT),
+            ("gain_scale", FLOAT),
+            ("held_scale", FLOAT),
+            ("held_reference", FLOAT),
+            ("envelope_margin", FLOAT),
+            ("envelope_weight", FLOAT),
+            ("saturation_weight", FLOAT),
+            ("effort_weight", FLOAT),
+            ("command", FLOAT, actions),  # previous action
+            ("tracking", tracking_dtype(n)),
+            ("over", INT),  # 1 when the episode has ended and has not been reset
+        ],
+        align=True,
+    )
