@@ -166,7 +166,9 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
         settings: Any = plugin_settings(estimator) if is_estimator(estimator) else estimator
-        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance, control)
+        self.problem = problem(
+            satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance, control
+        )
         self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)
         self._plugin = PluginFilter(estimator, self.fleet) if is_estimator(estimator) else None

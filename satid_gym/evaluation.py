@@ -130,7 +130,7 @@ def fly(
         control=control,
     )
     world = env.problem.scenario
-    (mission,) = missions(env.problem)
+    mission = missions(env.problem)[0]  # of a scenario's data sheets: they differ in appendages alone
     policy.reset(mission, seeds)
     observation, _ = env.reset(seed=list(seeds))
     decisions, count = world.decisions, len(seeds)

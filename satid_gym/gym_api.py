@@ -10,6 +10,7 @@ from gymnasium import spaces
 
 from satid_gym.config import unknown_name
 from satid_gym.core.observation import BOUND
+from satid_gym.core.records import Cost
 from satid_gym.laws import InertiaLaw
 from satid_gym.oscillators import oscillator_counts
 from satid_gym.problem import Problem, resolve_inertia, resolve_satellites
@@ -27,6 +28,7 @@ INFO_KEYS = (
     "information_held",
     "outside",
     "cost",
+    "costs",
     "effort",
     "in_avoided_band",
     "saturated",
@@ -36,6 +38,8 @@ INFO_KEYS = (
     "faults",
     "deflection",
 )
+COSTS = tuple(cost.name.lower() for cost in Cost)
+"""Names of the costs."""
 _FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
 
 
@@ -92,6 +96,7 @@ def info_of(reports: np.ndarray) -> dict[str, Any]:
     """Info of the single environment, from its only report."""
     report = dict(zip(reports.dtype.names or (), reports.item(), strict=True))
     info = {key: report[key] for key in INFO_KEYS}
+    info["costs"] = dict(zip(COSTS, report["costs"].tolist(), strict=True))
     for key, value in info.items():
         if isinstance(value, np.ndarray):
             info[key] = value.astype(bool) if key in _FLAGS else value.copy()
@@ -106,6 +111,8 @@ def infos_of(reports: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         value = reports[key].astype(bool) if key in _FLAGS else reports[key].copy()
         if partial:
             value[~mask] = 0
+        if key == "costs":  # as Gymnasium nests them
+            value = dict(zip(COSTS, value.T.copy(), strict=True)) | {f"_{name}": mask.copy() for name in COSTS}
         infos[key], infos[f"_{key}"] = value, mask.copy()
     return infos
 
@@ -122,7 +129,8 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> EpisodeTemplates
     for name in options:
         if name not in RESET_OPTIONS:
             raise unknown_name("reset option", name, RESET_OPTIONS)
-    satellites = resolve_satellites(options.get("satellite", p.satellites))
+    given = "satellite" in options
+    satellites = p.scenario.equip(resolve_satellites(options["satellite"])) if given else p.satellites
     for count in (satellite.wheels.count for satellite in satellites):
         if count != p.wheels:
             raise ValueError(f"the satellite for this episode must have {p.wheels} wheels, got {count}")

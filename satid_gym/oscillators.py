@@ -29,6 +29,8 @@ class Oscillator(Config, abc.ABC):
         frequency_std: std of the logarithm of the true frequency.
         damping_std: std of the logarithm of the true damping ratio.
         deflection_std: std of the first deflection, rad of a panel, m of a slosh mass; it begins at rest where 0.
+        deflection_limit: rad of a panel, m of a slosh mass; time beyond it is a cost, and far beyond it an episode ends.
+            None: no limit.
         mirrored: whether there is a second one, mirrored at the centre of mass and alike in all; a filter expects of
             the two the mode in which they turn the body.
 
@@ -43,6 +45,7 @@ class Oscillator(Config, abc.ABC):
     frequency_std: float = 0.0
     damping_std: float = 0.0
     deflection_std: float = 0.0
+    deflection_limit: float | None = None
     mirrored: bool = False
 
     def __post_init__(self) -> None:
@@ -53,6 +56,8 @@ class Oscillator(Config, abc.ABC):
         for name in ("mass_std", "frequency_std", "damping_std"):
             check_number(name, getattr(self, name), high=_LOG_STD_MAX)
         check_number("deflection_std", self.deflection_std)
+        if self.deflection_limit is not None:
+            check_number("deflection_limit", self.deflection_limit, strict=True)
 
     @property
     def count(self) -> int:

@@ -166,7 +166,7 @@ def problem(
     if max_episode_steps is not None:
         steps = check_integer("max_episode_steps", max_episode_steps)
         world = world.replace(horizon=steps * world.decision_period)
-    satellites = resolve_satellites(satellite)
+    satellites = world.equip(resolve_satellites(satellite))
     for name in world.prior_scale:
         known = {"*", *SATELLITES, *(s.name for s in satellites)}
         if name not in known:  # it would be passed over in silence

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from satid_gym.appendages import Appendages, Panels, Tank, appendages_of
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import Parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings
@@ -58,6 +59,8 @@ class Scenario(Config):
         rate_limit: rad/s.
         rate_bandwidth: rad/s, of the rate loop under control="rate"; at most half of the sampling frequency is used.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
+        deflection_factor: the episode ends where an oscillator is beyond its limit by this factor.
+        appendages: panels or a tank that its satellites get, drawn from ranges, or a mapping with their settings.
         estimator: the filter that is the scenario's default; its name or a mapping with its settings will do.
         faults: what can go wrong with sensors and wheels.
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
@@ -92,8 +95,10 @@ class Scenario(Config):
     orbit_rate: float = 1e-3
     random_attitude: bool = True
     rate_limit: float | None = None
-    rate_bandwidth: float = 2.0
+    rate_bandwidth: float = 1.0
     termination_factor: float = 3.0
+    deflection_factor: float = 4.0
+    appendages: Appendages | None = None
     estimator: EstimatorSettings = field(default_factory=lambda: estimator_settings("adaptive"))
     faults: Faults = field(default_factory=Faults)
     tolerances: Tolerances | None = None
@@ -110,6 +115,9 @@ class Scenario(Config):
         check_number("rate_bandwidth", self.rate_bandwidth, strict=True)
         check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
         check_number("termination_factor", self.termination_factor, low=1.0)
+        check_number("deflection_factor", self.deflection_factor, low=1.0)
+        if self.appendages is not None:
+            object.__setattr__(self, "appendages", appendages_of(self.appendages))
         for name in ("gyro_noise_std", "tachometer_noise_std"):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name))
@@ -150,6 +158,16 @@ class Scenario(Config):
     def decisions(self) -> int:
         """Decisions an episode."""
         return round(self.horizon / self.decision_period)
+
+    def equip(self, satellites: Sequence[Satellite]) -> tuple[Satellite, ...]:
+        """The satellites with the scenario's appendages, once for each data sheet; as they are where it has none.
+
+        Raises:
+            ValueError: one cannot carry them.
+        """
+        if self.appendages is None:
+            return tuple(satellites)
+        return tuple(equipped for satellite in satellites for equipped in self.appendages.equip(satellite))
 
     def operate(self, satellite: Satellite) -> Satellite:
         """The satellite as this scenario operates it: with its limits and sensors where it sets them."""

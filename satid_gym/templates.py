@@ -17,7 +17,7 @@ from satid_gym.estimators.records import new_belief
 from satid_gym.faults import Faults
 from satid_gym.law_ranges import LawRanges
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, TABLE, InertiaLaw
-from satid_gym.oscillators import Oscillator, oscillator_count
+from satid_gym.oscillators import Oscillator, oscillator_count, oscillator_counts
 from satid_gym.plants import new_plant
 from satid_gym.policy import Mission, missions
 from satid_gym.problem import Problem
@@ -87,13 +87,16 @@ def _write_sampling(row: np.void, sensors: Sensors, period: float) -> None:
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     scenario, reward = p.scenario, p.reward
-    rows = np.zeros(1, task_dtype(satellite.wheels.count, p.actions))
+    rows = np.zeros(1, task_dtype(satellite.wheels.count, p.actions, oscillator_count(satellite.oscillators)))
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
     task["decisions"] = scenario.decisions
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit
+    limits = [np.inf if o.deflection_limit is None else o.deflection_limit for o in satellite.oscillators]
+    task["deflection_limit"] = np.repeat(limits, oscillator_counts(satellite.oscillators))
+    task["termination_deflection"] = scenario.deflection_factor * task["deflection_limit"]
     full = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
     task["control_authority"] = full * scenario.decision_period / np.diag(prior) / satellite.rate_limit
     stored = np.abs(satellite.wheels.axes) @ (satellite.wheels.inertia * satellite.wheels.max_speed)

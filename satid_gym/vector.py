@@ -76,7 +76,9 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control)
+        self.problem = problem(
+            satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control
+        )
         self.stagger = check_flag("stagger", stagger)
         self.fleet = Fleet(self.problem, self.num_envs, num_threads=num_threads)
         self.single_observation_space, self.single_action_space = make_spaces(self.problem)

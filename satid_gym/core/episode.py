@@ -15,7 +15,7 @@ from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.log import log_sample
 from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
-from satid_gym.core.records import Autoreset
+from satid_gym.core.records import Autoreset, Cost
 from satid_gym.core.reward import reward, saturated_share, uncertainty_nats
 from satid_gym.core.truth import faults
 from satid_gym.core.truth.draw import draw_plant
@@ -27,6 +27,8 @@ from satid_gym.core.truth.sampling import advance_sampled
 from satid_gym.core.truth.sensors import drive_motors, read_sensors
 from satid_gym.core.truth.speed_limit import is_in_avoided_band
 
+_RATE, _SATURATION = int(Cost.RATE), int(Cost.SATURATION)
+_DEFLECTION, _AVOIDED_BAND = int(Cost.DEFLECTION), int(Cost.AVOIDED_BAND)
 _NEXT_STEP, _SAME_STEP, _BEGIN = int(Autoreset.NEXT_STEP), int(Autoreset.SAME_STEP), int(Autoreset.BEGIN)
 
 
@@ -45,7 +47,7 @@ def command(plant, task, work, report, action):
     for k in range(work.torque.shape[0]):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
-    report.outside = report.in_avoided_band = 0.0
+    report.outside = report.in_avoided_band = report.bent = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):
@@ -92,8 +94,13 @@ def sample(plant, task, work, report):
         report.in_avoided_band += 1.0
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])
+    bent = 0.0
     for k in range(report.deflection.shape[0]):
-        report.deflection[k] = max(report.deflection[k], abs(plant.oscillators.deflection[k]))
+        deflection = abs(plant.oscillators.deflection[k])
+        report.deflection[k] = max(report.deflection[k], deflection)
+        if deflection > task.deflection_limit[k]:
+            bent = 1.0
+    report.bent += bent
     if plant.faulty != 0:
         faults.note_sensors(plant, report)
 
@@ -122,6 +129,17 @@ def note_rate(plant, belief, report):
     rate = filters.rate_used(belief, plant.gyro)
     for i in range(3):
         report.peak_rate[i] = max(report.peak_rate[i], abs(rate[i]))
+
+
+@inline
+def note_costs(task, report):
+    """Write the decision's costs, and the largest of them."""
+    costs = report.costs
+    costs[_RATE], costs[_SATURATION] = report.outside, saturated_share(report)
+    costs[_DEFLECTION], costs[_AVOIDED_BAND] = report.bent / task.samples, report.in_avoided_band
+    report.cost = 0.0
+    for i in range(costs.shape[0]):
+        report.cost = max(report.cost, costs[i])
 
 
 @outline
@@ -155,11 +173,14 @@ def conclude(plant, belief, task, work, report, observation):
         report.torque_applied[k] = min(max(mean, -limit), limit)  # what exceeds it is rounding
     report.outside /= task.samples
     report.in_avoided_band /= task.samples
-    report.cost = max(report.outside, saturated_share(report))
+    note_costs(task, report)
     report.information_held = -uncertainty_nats(belief, work, task.criterion)
     report.reward = reward(task, report)
     fastest = max(abs(plant.rate[0]), abs(plant.rate[1]), abs(plant.rate[2]))
     report.terminated = 1 if fastest > task.termination_rate else 0
+    for k in range(report.deflection.shape[0]):
+        if report.deflection[k] > task.termination_deflection[k]:
+            report.terminated = 1
     report.truncated = 1 if task.decision >= task.decisions and report.terminated == 0 else 0
     task.over = max(report.terminated, report.truncated)
     assess(plant, belief, work, report)
@@ -217,6 +238,8 @@ def begin(rows, i, templates, work):
     report.terminated = report.truncated = 0
     report.nis = report.information_gain = report.information_held = report.effort = 0.0
     report.outside = report.in_avoided_band = report.cost = 0.0
+    for c in range(report.costs.shape[0]):
+        report.costs[c] = 0.0
     if rows.logs.shape[1] > 0:
         log_sample(rows.logs[i, 0], plant, belief)
     assess(plant, belief, work, report)

@@ -39,6 +39,12 @@ class Fault(IntEnum):
     GYRO_DROPOUT, GYRO_OUTLIER, TACHOMETER_STUCK, WHEEL_LOSS, TORQUE_DELAY = range(5)
 
 
+class Cost(IntEnum):
+    """Cost of a decision: a share of its time, or of the wheels."""
+
+    RATE, SATURATION, DEFLECTION, AVOIDED_BAND = range(4)
+
+
 class Autoreset(IntEnum):
     """What a step does where an episode is over; BEGIN starts episodes and decides nothing."""
 
@@ -105,6 +111,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("information_held", FLOAT),
             ("outside", FLOAT),
             ("cost", FLOAT),
+            ("costs", FLOAT, len(Cost)),
             ("effort", FLOAT),
             ("in_avoided_band", FLOAT),  # share of the samples with a wheel's speed in it
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision
@@ -114,6 +121,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("faults", np.int8, len(Fault)),  # 1: acted in the decision
             ("deflection", FLOAT, oscillators),  # largest in the decision
             # tallies of the decision under way
+            ("bent", FLOAT),  # samples with an oscillator beyond its limit
             ("peak_rate", FLOAT, 3),  # largest |rate| that the filter uses
             ("spin_start", FLOAT, n),
         ],

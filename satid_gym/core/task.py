@@ -14,8 +14,8 @@ from satid_gym.core.records import FLOAT, INT
 
 
 @functools.cache
-def task_dtype(n: int, actions: int) -> np.dtype:
-    """Fields for n wheels and so many numbers in an action."""
+def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
+    """Fields for n wheels, so many numbers in an action and so many oscillators."""
     return np.dtype(
         [
             ("template", INT),  # row of the templates the episode was drawn from
@@ -27,6 +27,8 @@ def task_dtype(n: int, actions: int) -> np.dtype:
             ("wheel_speed_max", FLOAT, n),
             ("rate_limit", FLOAT),
             ("termination_rate", FLOAT),
+            ("deflection_limit", FLOAT, oscillators),
+            ("termination_deflection", FLOAT, oscillators),
             ("control_authority", FLOAT, 3),  # rate limits gained a decision at full torque, by prior inertia
             (
                 "momentum_fraction",

@@ -20,7 +20,7 @@ class Estimator(Protocol):
     Its state begins with a 3-vector and theta (p,): [M, theta, tau] in "momentum" coordinates (M: total
     angular momentum, tau: disturbance torque, both body frame), [omega, theta, Omega] in "rate" coordinates.
     Further states may follow. Where it has a method `command(torque)` as well, it is told the motor torque (n,),
-    N m, that each decision commands. A reading that the gyro flags as invalid is not given to `update`; that of the
+    N m, that is commanded, before each reading. A reading that the gyro flags as invalid is not given to `update`; that of the
     tachometers then goes to the method `update_wheels(wheel_speed)`, where there is one, which returns what `update`
     does.
 

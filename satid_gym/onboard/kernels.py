@@ -11,6 +11,7 @@ import numpy as np
 
 from satid_gym.core import episode
 from satid_gym.core.belief import filters
+from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import kernel
 from satid_gym.core.observation import observe
 from satid_gym.core.records import FLOAT, INT
@@ -27,6 +28,12 @@ def begin(readings, beliefs, tasks, work, observations):
     """Belief and observation after the first readings."""
     filters.start(beliefs[0], work[0], readings[0].gyro, readings[0].tachometer)
     observe(beliefs[0], tasks[0], readings[0].gyro, readings[0].tachometer, observations[0])
+
+
+@kernel
+def steer(readings, beliefs, tasks, work):
+    """Torque of the rate loop, to work.torque, until the next readings."""
+    track(tasks[0], beliefs[0], readings[0].gyro, readings[0].tachometer, work[0].torque)
 
 
 @kernel

@@ -29,8 +29,8 @@ class Pilot:
     """Flies a policy on readings that come from anywhere: another simulator, a test bench, a satellite.
 
     Give it every reading of gyro and wheel speeds, once a sample period or as they come; it answers with the motor
-    torque to command, which changes once a decision period. On the same readings it commands what the environment
-    commands and believes what its filter believes.
+    torque to command, which changes once a decision period, under control "rate" with every reading. On the same
+    readings it commands what the environment commands and believes what its filter believes.
 
     A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel speeds
     it waits for the next ones and crosses the gap with speeds between the two. A decision that falls due without wheel
@@ -43,6 +43,7 @@ class Pilot:
             object that follows `Policy`.
         scenario: periods, horizon, limits and the filter's prior, as for the environment.
         estimator: a compiled filter, by name or settings; None takes the scenario's.
+        control: what the policy's actions are, "torque" of each wheel or body "rate", as for the environment.
         patience: s without a gyro reading after which it commands no torque; None: three decision periods.
         seed: of policies that draw at random.
 
@@ -57,10 +58,11 @@ class Pilot:
         *,
         scenario: ScenarioLike = "default",
         estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
+        control: str = "torque",
         patience: float | None = None,
         seed: int = 0,
     ) -> None:
-        given = problem(satellite, "static", scenario, estimator)
+        given = problem(satellite, "static", scenario, estimator, control=control)
         if len(given.satellites) != 1:
             raise ValueError(f"a pilot flies one satellite, got {[s.name for s in given.satellites]}")
         world, (own,) = given.scenario, given.satellites
@@ -130,6 +132,7 @@ class Pilot:
         reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
         kernels.begin(self._readings, self._beliefs, self._tasks, self._work, self._observation)
         self._decide(1)
+        self._steer()
         return self._torque.copy()
 
     def step(self, time: float, gyro: object = None, wheel_speed: object = None) -> np.ndarray:
@@ -163,6 +166,8 @@ class Pilot:
                 self._coast("no torque: a decision is due and there are no wheel speeds")
             elif time - self._heard <= self.patience and not self._lost():
                 self._decide(due)
+        if speed is not None:
+            self._steer()
         return self._torque.copy()
 
     def _count(self, kind: str, message: str) -> None:
@@ -201,7 +206,7 @@ class Pilot:
     def _look_after(self, time: float) -> None:
         """End the flight at the horizon, and coast where the filter is blind or lost."""
         if self._decided + self._due(time) > self.problem.scenario.decisions:
-            self._hold(np.zeros_like(self._torque))
+            self._hold(np.zeros(self.problem.actions))
             self.status.state = "over"
         elif self._lost():
             self._coast("the filter broke down: start again")
@@ -218,22 +223,32 @@ class Pilot:
             action = real_action("action", self.policy(self._observation.copy()))
         self._decided += due
         self.status.counts["missed"] += due - 1
-        if action.shape != (1, len(self._torque)) or not np.isfinite(action).all():
-            return self._coast(f"policy {self.policy.name} gave no torque: {action.tolist()}")
+        if action.shape != (1, self.problem.actions) or not np.isfinite(action).all():
+            return self._coast(f"policy {self.policy.name} gave no action: {action.tolist()}")
         self._hold(np.clip(action[0].astype(float), -1.0, 1.0))
         self.status.state = "flying"
         return None
 
+    def _steer(self) -> None:
+        """Follow the rate that the policy commands, where it commands one."""
+        if self.problem.control == "rate" and self.status.state == "flying":
+            kernels.steer(self._readings, self._beliefs, self._tasks, self._work)
+            self._torque = self._work["torque"][0].copy()
+
     def _coast(self, message: str) -> None:
-        self._hold(np.zeros_like(self._torque))
+        self._hold(np.zeros(self.problem.actions))
         self.status.state = "coasting"
         self._say(message)
 
     def _hold(self, fraction: np.ndarray) -> None:
-        """Command a fraction (n,) of the motors' limits until the next decision, and tell the filter."""
+        """Command a fraction of the motors' limits (n,) or of the rate limit (3,) until the next decision."""
         task = self._tasks[0]
         task["command"] = fraction
-        self._torque = fraction * task["torque_max"]
+        if self.problem.control == "rate":
+            task["tracking"]["reference"] = fraction * task["rate_limit"]
+            self._torque = np.zeros_like(self._torque)  # until the rate loop has one
+        else:
+            self._torque = fraction * task["torque_max"]
         self._work["torque"][0] = self._torque
 
 

@@ -145,6 +145,11 @@ class LearnedPolicy:
                 "have as many wheels and inertia parameters as the one it was trained on, and "
                 f"include_covariance={self.include_covariance}"
             )
+        if self.control == "torque" and mission.control == "rate":
+            raise ValueError(
+                f"policy {self.name} commands wheel torque, this environment takes body rates: make it with "
+                'control="torque"'
+            )
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")

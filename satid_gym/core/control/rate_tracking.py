@@ -1,15 +1,15 @@
 """Rate tracking: wheel torque, sample by sample, that makes the body rate follow a reference.
 
-The torque on the wheels, (n,) with A^+ the pseudo-inverse of their axes, is
+The torque that the wheels are to feel, (n,) with A^+ the pseudo-inverse of their axes, is
 
-    u = A^+ (tau + M x omega - k (J - A j A^T) (omega_ref - omega)) + f - N h / T_N
+    u = A^+ (tau + M x omega - k (J - A j A^T) (omega_ref - omega)) - N h / T_N
 
 k, the bandwidth, is low enough for the phase of a late command to leave every bending mode damped: a torque that
 opposes the rate at its own place takes energy out of a mode as long as it is less than a quarter of the mode's period
-late. What a wheel owes, f, is the part of its command that its momentum h = j (Omega + A^T omega) did not show, by
-friction or a weak motor: a first-order observer, df/dt = k_f (u - dh/dt - f). N projects on the torques that cancel
-each other; of more than three wheels those that turn against each other are brought to share the momentum evenly.
-Where all that takes more than the motors have, the error is reduced axis by axis (`allocation.within_reach`).
+late. N projects on the torques that cancel each other; of more than three wheels those that turn against each other
+are brought to share the momentum evenly. Where all that takes more than the motors have, the error is reduced axis by
+axis (`allocation.within_reach`). What the motors are commanded allows for a weak one and for friction, as their wheels
+have shown them (`core.control.motors`).
 
 Only belief and readings are used. Source: Wie, Space Vehicle Dynamics and Control (2008), ch. 7, for the law; Preumont,
 Vibration Control of Active Structures (2011), ch. 4, for what delay does to collocated control.
@@ -24,16 +24,16 @@ import numpy as np
 from satid_gym.core.algebra import add, axpy_symmetric, cross, load, load_symmetric, multiply, scale_symmetric, subtract
 from satid_gym.core.belief import filters
 from satid_gym.core.belief.kalman import estimated_inertia
+from satid_gym.core.control import motors
 from satid_gym.core.control.allocation import allocate, storable, within_reach
+from satid_gym.core.control.motors import motors_dtype
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
-from satid_gym.core.wheels import along_axis, sum_wheels
+from satid_gym.core.wheels import sum_wheels
 
 TRACKING_STEP_MAX = 0.5
 """Largest bandwidth times sample period: half of the way to the reference in a sample."""
-_OBSERVER = 0.5  # k_f, 1/s
 _EVEN_OUT = 20.0  # T_N, s
-_AT_LIMIT = 0.999  # of the speed limit: from here on a wheel shows nothing of its command
 
 
 @functools.cache
@@ -47,10 +47,7 @@ def tracking_dtype(n: int) -> np.dtype:
             ("rotor_inertia", FLOAT, (3, 3)),  # A j A^T, kg m^2
             ("spin_max", FLOAT, n),  # momentum that a wheel may store, N m s
             ("reference", FLOAT, 3),  # omega_ref, rad/s
-            ("owed", FLOAT, n),  # f, N m
-            ("commanded", FLOAT, n),  # u of the sample before
-            ("spin", FLOAT, n),  # h then, N m s
-            ("begun", INT),  # 1: there was a sample before
+            ("motors", motors_dtype(n)),
             ("scratch", FLOAT, (2, n)),
         ],
         align=True,
@@ -58,25 +55,12 @@ def tracking_dtype(n: int) -> np.dtype:
 
 
 @inline
-def _observe_motors(task, belief, speed, omega):
-    """Update what each wheel owes by what it did with its command of the sample before."""
-    s, dt = task.tracking, task.sample_period
-    for k in range(speed.shape[0]):
-        spin = belief.wheel_inertia[k] * (speed[k] + along_axis(belief.axes, k, omega))
-        if s.begun != 0 and abs(speed[k]) < _AT_LIMIT * task.wheel_speed_max[k]:
-            missing = s.commanded[k] - (spin - s.spin[k]) / dt
-            s.owed[k] += min(_OBSERVER * dt, 1.0) * (missing - s.owed[k])
-        s.spin[k] = spin
-    s.begun = 1
-
-
-@inline
 def _even_out(s, axes, limit, torque):
     """Add torques that cancel each other and even out the wheels' momenta, as far as the motors have some left."""
-    total = sum_wheels(axes, s.spin)
+    total = sum_wheels(axes, s.motors.spin)
     left = 1.0
     for k in range(torque.shape[0]):
-        s.scratch[0, k] = (allocate(s.allocation, total, k) - s.spin[k]) / _EVEN_OUT
+        s.scratch[0, k] = (allocate(s.allocation, total, k) - s.motors.spin[k]) / _EVEN_OUT
         wanted = torque[k] + s.scratch[0, k]
         if abs(wanted) > limit[k]:
             left = min(left, max(limit[k] - abs(torque[k]), 0.0) / abs(s.scratch[0, k]))
@@ -94,7 +78,7 @@ def track(task, belief, gyro, tachometer, torque):
     momentum, tau = filters.momentum_and_torque(belief)
     for k in range(n):
         s.scratch[1, k] = tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
-    _observe_motors(task, belief, s.scratch[1], omega)
+    motors.observe(task, belief, s.scratch[1], omega)
     for k in range(n):
         s.scratch[1, k] *= belief.wheel_inertia[k]
     wheels = (axes, s.allocation, s.spin_max)
@@ -103,12 +87,11 @@ def track(task, belief, gyro, tachometer, torque):
     scaled = scale_symmetric(-s.bandwidth, free)
     drift = add(tau, cross(momentum, omega))
     for k in range(n):
-        torque[k] = allocate(s.allocation, drift, k) + s.owed[k]
+        torque[k] = allocate(s.allocation, drift, k)
     error = subtract(wanted, omega)
     push = multiply(scaled, within_reach(error, scaled, s.allocation, torque, limit, s.scratch[0]))
     for k in range(n):
         torque[k] = min(max(torque[k] + allocate(s.allocation, push, k), -limit[k]), limit[k])
     if n > 3:
         _even_out(s, axes, limit, torque)
-    for k in range(n):
-        s.commanded[k] = torque[k]
+    motors.command(task, tachometer, torque)
