@@ -14,7 +14,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import info_of, make_spaces, option_templates, real_action, seed_stream
 from satid_gym.plugin_estimator import PluginFilter, plugin_settings
-from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, problem
+from satid_gym.problem import InertiaLike, Observation, SatelliteLike, ScenarioLike, problem
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import prior_of
@@ -156,6 +156,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         render_mode: str | None = None,
         render_size: int = 480,
         include_covariance: bool = False,
+        observation: Observation = "wheels",
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
@@ -165,7 +166,9 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         if render_mode is not None:
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
         settings: Any = plugin_settings(estimator) if is_estimator(estimator) else estimator
-        self.problem = problem(satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance)
+        self.problem = problem(
+            satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance, observation
+        )
         self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)
         self._plugin = PluginFilter(estimator, self.fleet) if is_estimator(estimator) else None

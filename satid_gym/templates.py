@@ -88,7 +88,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     rows = np.zeros(1, task_dtype(satellite.wheels.count))
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
-    task["decisions"] = scenario.decisions
+    task["decisions"], task["observation"] = scenario.decisions, p.observation_form
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit

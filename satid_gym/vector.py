@@ -18,7 +18,7 @@ from satid_gym.core.records import Autoreset
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import infos_of, make_spaces, option_templates, real_action, seed_list, seed_stream
-from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, problem
+from satid_gym.problem import InertiaLike, Observation, SatelliteLike, ScenarioLike, problem
 from satid_gym.reward import RewardSettings
 
 
@@ -37,7 +37,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: how many.
-        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance: as in
+        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, observation: as in
             `SatInertiaIDEnv`; the estimator is a compiled one.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
@@ -63,6 +63,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         stagger: bool = False,
         render_mode: str | None = None,
         include_covariance: bool = False,
+        observation: Observation = "wheels",
     ) -> None:
         super().__init__()
         self.num_envs = check_integer("num_envs", num_envs)
@@ -75,7 +76,9 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             )
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self.problem = problem(satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance)
+        self.problem = problem(
+            satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, observation
+        )
         self.stagger = check_flag("stagger", stagger)
         self.fleet = Fleet(self.problem, self.num_envs, num_threads=num_threads)
         self.single_observation_space, self.single_action_space = make_spaces(self.problem)

@@ -41,6 +41,7 @@ def command(plant, task, work, report, action):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
     report.effort = effort
+    task.nis_sum, task.nis_count = 0.0, 0
     report.information_gain = 0.0
     report.outside = report.in_avoided_band = 0.0
     for f in range(report.faults.shape[0]):
@@ -111,6 +112,14 @@ def note_rate(plant, belief, report):
         report.peak_rate[i] = max(report.peak_rate[i], abs(rate[i]))
 
 
+@inline
+def note_nis(task, nis):
+    """Tally the NIS of an instant; 0 is that of one without an update."""
+    if nis > 0.0:
+        task.nis_sum += nis
+        task.nis_count += 1
+
+
 @outline
 def assess(plant, belief, work, report):
     """Compare the estimate with the truth: for info and evaluation, never for reward or observation."""
@@ -168,6 +177,7 @@ def decide(rows, i, action, work):
         before = uncertainty_nats(belief, work, task.criterion)
         report.nis = take_reading(plant, belief, work)
         note_rate(plant, belief, report)
+        note_nis(task, report.nis)
         last = uncertainty_nats(belief, work, task.criterion)
         report.information_gain += before - last
         if rows.logs.shape[1] > 0:

@@ -39,6 +39,12 @@ class Fault(IntEnum):
     GYRO_DROPOUT, GYRO_OUTLIER, TACHOMETER_STUCK, WHEEL_LOSS, TORQUE_DELAY = range(5)
 
 
+class ObservationForm(IntEnum):
+    """Whether wheels are observed one by one or by what they do to the body, see `core.observation`."""
+
+    WHEELS, BODY = range(2)
+
+
 class Autoreset(IntEnum):
     """What a step does where an episode is over; BEGIN starts episodes and decides nothing."""
 
@@ -117,6 +123,10 @@ def task_dtype(n: int) -> np.dtype:
             ("saturation_weight", FLOAT),
             ("effort_weight", FLOAT),
             ("command", FLOAT, n),  # previous action
+            ("observation", INT),  # an ObservationForm
+            # tallies of the decision under way
+            ("nis_sum", FLOAT),  # of the readings that the filter has compared with what it expected
+            ("nis_count", INT),  # of these readings
             ("over", INT),  # 1 when the episode has ended and has not been reset
         ],
         align=True,
