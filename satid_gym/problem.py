@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from satid_gym import sources
 from satid_gym.config import Config, check_integer, unknown_name
-from satid_gym.core.observation import layout
-from satid_gym.core.records import ObservationForm
+from satid_gym.core.observation import Form, layout
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, products_of_inertia
 from satid_gym.estimators.registry import estimator_settings, preset_name
 from satid_gym.estimators.settings import EstimatorSettings
@@ -25,7 +24,6 @@ from satid_gym.scenario import SCENARIOS, Scenario
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
 InertiaLike = str | InertiaLaw | Mapping[str, Any]
 ScenarioLike = str | Scenario | Mapping[str, Any]
-Observation = Literal["wheels", "body"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,8 +38,7 @@ class Problem(Config):
             satellite, the law or the scenario has products of inertia about the body axes, else "principal".
         reward: what pays.
         include_covariance: whether the filter's whole covariance is observed.
-        observation: "wheels", with the state of each wheel, or "body", with what wheels do to the body, whose size does
-            not depend on their number.
+        observation: "wheels" one by one, or "body": what they do to the body, however many there are.
 
     Raises:
         ValueError: the satellites' wheels differ in number, or "principal" would leave out products of inertia.
@@ -53,7 +50,7 @@ class Problem(Config):
     estimator: EstimatorSettings
     reward: RewardSettings
     include_covariance: bool = False
-    observation: Observation = "wheels"
+    observation: Form = "wheels"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,15 +133,9 @@ class Problem(Config):
     @property
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
-        p = PARAMETER_COUNT[self.parameters]
-        sheet = self.scenario.operate(self.satellites[0])
+        sheet, p = self.scenario.operate(self.satellites[0]), PARAMETER_COUNT[self.parameters]
         others = self.estimator.other_states(sheet) if self.include_covariance else 0
-        return layout(self.wheels, p, others, self.observation_form, self.estimator.mode_count(sheet))
-
-    @property
-    def observation_form(self) -> ObservationForm:
-        """`observation` as the core has it."""
-        return ObservationForm[self.observation.upper()]
+        return layout(self.wheels, p, others, self.observation, self.estimator.mode_count(sheet))
 
 
 def problem(
@@ -155,7 +146,7 @@ def problem(
     reward: str | Mapping[str, Any] | RewardSettings | None = None,
     max_episode_steps: int | None = None,
     include_covariance: bool = False,
-    observation: Observation = "wheels",
+    observation: Form = "wheels",
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.
 

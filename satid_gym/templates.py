@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from satid_gym.core.records import Criterion, InertiaMode, Templates, concatenate, task_dtype
+from satid_gym.core.records import Criterion, InertiaMode, ObservationForm, Templates, concatenate, task_dtype
 from satid_gym.core.truth.records import draw_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.inertia import products_of_inertia
@@ -88,7 +88,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     rows = np.zeros(1, task_dtype(satellite.wheels.count))
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
-    task["decisions"], task["observation"] = scenario.decisions, p.observation_form
+    task["decisions"], task["observation"] = scenario.decisions, ObservationForm[p.observation.upper()]
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit

@@ -14,11 +14,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from satid_gym.config import check_flag, check_integer, unknown_name
+from satid_gym.core.observation import Form
 from satid_gym.core.records import Autoreset
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import infos_of, make_spaces, option_templates, real_action, seed_list, seed_stream
-from satid_gym.problem import InertiaLike, Observation, SatelliteLike, ScenarioLike, problem
+from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, problem
 from satid_gym.reward import RewardSettings
 
 
@@ -63,7 +64,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         stagger: bool = False,
         render_mode: str | None = None,
         include_covariance: bool = False,
-        observation: Observation = "wheels",
+        observation: Form = "wheels",
     ) -> None:
         super().__init__()
         self.num_envs = check_integer("num_envs", num_envs)

@@ -28,7 +28,7 @@ class RateLoop:
             deviations of what one decision's noise does to them.
 
     Raises:
-        ValueError: the margin is negative.
+        ValueError: the margin is negative, or observations are not of the form "wheels".
     """
 
     def __init__(self, missions: Sequence[Mission], margin: float) -> None:

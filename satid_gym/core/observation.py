@@ -1,10 +1,12 @@
 """Observation: belief and measurement, normalised so that one policy can fly any satellite.
 
-In the form WHEELS speeds and previous action are observed wheel by wheel. In the form BODY what the wheels do to the
-body takes their place, so that a policy does not depend on how many there are, and NIS and modes are observed too.
+In the form "wheels" speeds and previous action are observed wheel by wheel. In the form "body" what the wheels do to
+the body takes their place, so that a policy does not depend on how many there are, and NIS and modes are observed too.
 """
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import ObservationForm
 from satid_gym.core.wheels import reachable, speed_shares, sum_wheels, wheel_momentum
 
+Form = Literal["wheels", "body"]
 BOUND = 10.0
 MODE_PARTS = {
     "deflection": 1,
@@ -30,15 +33,13 @@ MODE_PARTS = {
 _BODY = int(ObservationForm.BODY)
 
 
-def layout(
-    n: int, p: int, others: int = 0, form: ObservationForm = ObservationForm.WHEELS, mode_count: int = 0
-) -> dict[str, slice]:
+def layout(n: int, p: int, others: int = 0, form: Form = "wheels", mode_count: int = 0) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
-    `mode_count` that of the modes it estimates, which the form BODY alone observes.
+    `mode_count` that of the modes it estimates, which the form "body" alone observes.
     """
-    body = form == ObservationForm.BODY
+    body = form == "body"
     sizes = {
         "rate": 3,
         **({"wheel_momentum": 3, "fastest_wheel": 2} if body else {"wheel_speed": n}),
