@@ -9,12 +9,14 @@ import gymnasium
 import numpy as np
 
 from satid_gym.config import check_integer, unknown_name
+from satid_gym.core.observation import Form
 from satid_gym.estimators.protocol import Estimator, is_estimator
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import info_of, make_spaces, option_templates, real_action, seed_stream
 from satid_gym.plugin_estimator import PluginFilter, plugin_settings
-from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, problem
+from satid_gym.problem import problem
+from satid_gym.resolution import InertiaLike, SatelliteLike, ScenarioLike
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import prior_of
@@ -62,6 +64,42 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 limit for momentum, prior std for torque, limits for rate and wheel speeds; -10 where it is 0 |
     | state_correlation | s (s - 1) / 2 - 3 p | upper triangle, row by row, of the correlation matrix of the states, \
 without the 3 x p block that `correlation` holds |
+
+    ## Observation in the body frame
+    `observation="body"`: `Box(-10, 10, (25 + 5 p + 10 m,), float32)` for a filter that estimates m modes of panels and
+    slosh, 40 numbers for p = 3 and m = 0. What the wheels do to the body takes the place of each wheel's state, so
+    that neither size nor meaning depends on how many there are (but for the last two parts where the RateEKF flies or
+    wheels have tolerances). The first three parts below replace `wheel_speed` and `command`, in their places, the
+    others follow `time_left`; all other parts are as above. A are the wheels' axes (3, n), j their inertia.
+
+    | name | size | meaning |
+    |---|---|---|
+    | wheel_momentum | 3 | A j Omega by the tachometers / the most that the wheels can store along each axis, \
+abs(A) j Omega_max |
+    | fastest_wheel | 2 | the largest share of its speed limit that a wheel has, and the largest that one can come to \
+while each rate is within its limit, by the belief and by least norm of wheel momentum: above 1 a wheel may saturate |
+    | command | 3 | previous action as torque on the body, -A u, / the most that the wheels can give along each axis, \
+abs(A) u_max |
+    | nis | 1 | log10 of the decision's mean normalised innovation squared, per degree of freedom: about 0 when \
+honest, and 0 where no reading was compared |
+    | modes | 10 m | of each mode in turn, the numbers of the next table |
+
+    ## Modes in the observation
+    eta is the mode's deflection, d its coupling, w its frequency in rad/s, zeta its damping ratio, as in
+    `satid_gym.modes.Mode`. With `include_covariance=True` the scales of eta and its momentum are those of the first two
+    numbers, those of errors of sensors and wheels their prior std; the logarithms of w, abs(d) and zeta have none.
+
+    | name | size | meaning |
+    |---|---|---|
+    | deflection | 1 | eta / (abs(d) rate limit / w) by nominal d and w: a step of the body rate by its limit, about \
+the axis of d, rings to 1, a reversal to 2 |
+    | deflection_rate | 1 | deta/dt / (abs(d) rate limit) by nominal d |
+    | frequency | 1 | w / (2 pi) times the decision period: oscillations in a decision with the body held still |
+    | frequency_std | 1 | log10(filter's std of log w) + 2; -10 where it is 0 |
+    | coupling | 3 | d_i / sqrt(J_ii) by the belief: the square is the mode's share of axis i's inertia |
+    | coupling_std | 1 | log10(filter's std of log abs(d)) + 2; -10 where it is 0 |
+    | damping | 1 | log10(zeta) + 2; -10 where it is 0 |
+    | damping_std | 1 | log10(filter's std of log zeta) + 2; -10 where it is 0 |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
@@ -132,6 +170,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
     | include_covariance | False | whether the filter's whole covariance is observed |
+    | observation | "wheels" | "wheels" one by one, or "body": what they do to the body, NIS and modes |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
 
@@ -157,6 +196,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         render_size: int = 480,
         include_covariance: bool = False,
         control: str = "torque",
+        observation: Form = "wheels",
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
@@ -167,7 +207,15 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
             import satid_gym.rendering  # noqa: F401  # say now, not in mid-episode, that pygame is missing
         settings: Any = plugin_settings(estimator) if is_estimator(estimator) else estimator
         self.problem = problem(
-            satellite, inertia, scenario, settings, reward, max_episode_steps, include_covariance, control
+            satellite,
+            inertia,
+            scenario,
+            settings,
+            reward,
+            max_episode_steps,
+            include_covariance,
+            control,
+            observation,
         )
         self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)

@@ -16,8 +16,8 @@ from satid_gym.config import check_integer, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.laws import InertiaLaw
-from satid_gym.policy import Policy, includes_covariance, missions
-from satid_gym.problem import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
+from satid_gym.policy import Policy, missions, observation_settings
+from satid_gym.resolution import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
@@ -126,8 +126,8 @@ def fly(
         estimator,
         reward,
         num_threads=num_threads,
-        include_covariance=includes_covariance(policy),
         control=control,
+        **observation_settings(policy),
     )
     world = env.problem.scenario
     mission = missions(env.problem)[0]  # of a scenario's data sheets: they differ in appendages alone

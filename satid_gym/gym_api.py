@@ -13,7 +13,8 @@ from satid_gym.core.observation import BOUND
 from satid_gym.core.records import Cost
 from satid_gym.laws import InertiaLaw
 from satid_gym.oscillators import oscillator_counts
-from satid_gym.problem import Problem, resolve_inertia, resolve_satellites
+from satid_gym.problem import Problem
+from satid_gym.resolution import resolve_inertia, resolve_satellites
 from satid_gym.templates import EpisodeTemplates, build_templates
 
 RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
@@ -111,9 +112,9 @@ def infos_of(reports: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
         value = reports[key].astype(bool) if key in _FLAGS else reports[key].copy()
         if partial:
             value[~mask] = 0
-        if key == "costs":  # as Gymnasium nests them
-            value = dict(zip(COSTS, value.T.copy(), strict=True)) | {f"_{name}": mask.copy() for name in COSTS}
         infos[key], infos[f"_{key}"] = value, mask.copy()
+    by_name = dict(zip(COSTS, infos["costs"].T.copy(), strict=True))
+    infos["costs"] = by_name | {f"_{name}": mask.copy() for name in COSTS}  # as Gymnasium nests them
     return infos
 
 

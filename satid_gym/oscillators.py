@@ -29,8 +29,8 @@ class Oscillator(Config, abc.ABC):
         frequency_std: std of the logarithm of the true frequency.
         damping_std: std of the logarithm of the true damping ratio.
         deflection_std: std of the first deflection, rad of a panel, m of a slosh mass; it begins at rest where 0.
-        deflection_limit: rad of a panel, m of a slosh mass; time beyond it is a cost, and far beyond it an episode ends.
-            None: no limit.
+        deflection_limit: rad of a panel, m of a slosh mass; time beyond it is a cost, far beyond it an episode
+            ends. None: no limit.
         mirrored: whether there is a second one, mirrored at the centre of mass and alike in all; a filter expects of
             the two the mode in which they turn the body.
 

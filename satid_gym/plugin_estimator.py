@@ -131,7 +131,7 @@ class PluginFilter:
             report["nis"] = self._update(gyro, wheel_speed)
             self._take_belief()
             gain += before - self._uncertainty()
-            kernels.note_rate(rows)
+            kernels.note_update(rows)
         report["information_gain"] = first - self._uncertainty() if task["net"] else gain
         kernels.conclude(rows, work)
         self._fleet.check(int(rows.beliefs["broken"][0]))

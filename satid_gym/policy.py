@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from satid_gym.core.observation import Form
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.problem import Problem
@@ -28,6 +29,7 @@ class Mission:
         scenario: the world.
         layout: names and places of the observation's parts.
         control: what an action is, "torque" of each wheel or body "rate".
+        observation: its form, as in `Problem`.
     """
 
     satellite: Satellite
@@ -36,6 +38,7 @@ class Mission:
     scenario: Scenario
     layout: dict[str, slice]
     control: str = "torque"
+    observation: Form = "wheels"
 
     @property
     def actions(self) -> int:
@@ -54,6 +57,7 @@ def missions(problem: Problem) -> list[Mission]:
             scenario=scenario,
             layout=places,
             control=problem.control,
+            observation=problem.observation,
         )
         for satellite in problem.satellites
     ]
@@ -62,7 +66,8 @@ def missions(problem: Problem) -> list[Mission]:
 class Policy(Protocol):
     """Choice of actions for a batch of episodes that run side by side.
 
-    A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance.
+    A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance, one
+    whose attribute `observation` is "body" the form of that name.
 
     Attributes:
         name: what tables call it.
@@ -82,3 +87,11 @@ class Policy(Protocol):
 def includes_covariance(policy: Policy) -> bool:
     """Whether a policy asks for the filter's whole covariance: what its environment's `include_covariance` must be."""
     return bool(getattr(policy, "include_covariance", False))
+
+
+def observation_settings(policy: Policy) -> dict[str, Any]:
+    """Settings of an environment or problem whose observations a policy asks for."""
+    return {
+        "include_covariance": includes_covariance(policy),
+        "observation": getattr(policy, "observation", "wheels"),
+    }

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from satid_gym import sources
 from satid_gym.config import Config, check_integer, unknown_name
-from satid_gym.core.observation import layout
+from satid_gym.core.observation import Form, layout
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, products_of_inertia
 from satid_gym.estimators.registry import estimator_settings, preset_name
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
+from satid_gym.laws import MASS_MODES, InertiaLaw
 from satid_gym.modes import check_sampling
 from satid_gym.oscillators import oscillator_counts
+from satid_gym.resolution import (
+    InertiaLike,
+    SatelliteLike,
+    ScenarioLike,
+    resolve_inertia,
+    resolve_satellites,
+    resolve_scenario,
+)
 from satid_gym.reward import RewardSettings, reward_settings
-from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario import Scenario
 
 CONTROLS = ("torque", "rate")
-SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
-InertiaLike = str | InertiaLaw | Mapping[str, Any]
-ScenarioLike = str | Scenario | Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,6 +44,7 @@ class Problem(Config):
         reward: what pays.
         include_covariance: whether the filter's whole covariance is observed.
         control: what an action is, "torque" of each wheel or the body "rate" that the rate loop tracks.
+        observation: "wheels" one by one, or "body": what they do to the body, however many there are.
 
     Raises:
         ValueError: the satellites' wheels differ in number, or "principal" would leave out products of inertia.
@@ -52,6 +57,7 @@ class Problem(Config):
     reward: RewardSettings
     include_covariance: bool = False
     control: str = "torque"
+    observation: Form = "wheels"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -141,10 +147,9 @@ class Problem(Config):
     @property
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
-        p = PARAMETER_COUNT[self.parameters]
-        sheet = self.scenario.operate(self.satellites[0])
+        sheet, p = self.scenario.operate(self.satellites[0]), PARAMETER_COUNT[self.parameters]
         others = self.estimator.other_states(sheet) if self.include_covariance else 0
-        return layout(self.wheels, p, others, self.actions)
+        return layout(self.wheels, p, others, self.observation, self.estimator.mode_count(sheet), self.actions)
 
 
 def problem(
@@ -156,6 +161,7 @@ def problem(
     max_episode_steps: int | None = None,
     include_covariance: bool = False,
     control: str = "torque",
+    observation: Form = "wheels",
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.
 
@@ -179,81 +185,5 @@ def problem(
         reward=reward_settings(reward),
         include_covariance=include_covariance,
         control=control,
+        observation=observation,
     )
-
-
-def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
-    """The satellites that a name, a file, module:name, a satellite, a mapping or a list of these stands for.
-
-    Raises:
-        ValueError: a name is unknown or a value is not valid.
-    """
-    if isinstance(satellite, str) and satellite == "random":
-        return tuple(SATELLITES[name] for name in BENCHMARK_SATELLITES)
-    if isinstance(satellite, (str, Satellite, Mapping)):
-        return (_satellite(satellite),)
-    if not isinstance(satellite, Sequence) or not satellite:
-        raise ValueError(
-            "satellite must be a name, a file, module:name, a Satellite, a mapping or a list of these, "
-            f"got {satellite!r}"
-        )
-    return tuple(_satellite(s) for s in satellite)
-
-
-def _satellite(value: str | Satellite | Mapping[str, Any]) -> Satellite:
-    if isinstance(value, Satellite):
-        return value
-    if isinstance(value, Mapping):
-        return Satellite.from_dict(value)
-    if isinstance(value, str) and value in SATELLITES:
-        return SATELLITES[value]
-    if not sources.is_source(value):
-        raise sources.unknown("satellite", value, [*SATELLITES, "random"])
-    return sources.load(value, Satellite, Satellite.from_dict)
-
-
-def resolve_inertia(value: InertiaLike) -> str | InertiaLaw:
-    """The law or mode that a name, a file, module:name, a law or a mapping stands for.
-
-    Raises:
-        ValueError: a name is unknown or a value is not valid.
-    """
-    if isinstance(value, InertiaLaw):
-        return value
-    if isinstance(value, Mapping):
-        return InertiaLaw.from_dict(value)
-    modes = ("random", *INERTIA_MODES, *MASS_MODES)
-    if isinstance(value, str) and value in modes:
-        return value
-    if not sources.is_source(value):
-        raise sources.unknown("inertia mode", value, modes)
-    return sources.load(value, InertiaLaw, InertiaLaw.from_dict)
-
-
-def resolve_scenario(value: ScenarioLike) -> Scenario:
-    """The scenario that a name, a file, module:name, a scenario or a mapping stands for.
-
-    A mapping changes settings of the scenario that it names as its `base`, or else by its own name.
-
-    Raises:
-        ValueError: a name is unknown or a value is not valid.
-    """
-    if isinstance(value, Scenario):
-        return value
-    if isinstance(value, Mapping):
-        return _changed_scenario(value)
-    if isinstance(value, str) and value in SCENARIOS:
-        return SCENARIOS[value]
-    if not sources.is_source(value):
-        raise sources.unknown("scenario", value, SCENARIOS)
-    return sources.load(value, Scenario, _changed_scenario)
-
-
-def _changed_scenario(value: Mapping[str, Any]) -> Scenario:
-    changes = dict(value)
-    base = changes.pop("base", changes.get("name", "default"))
-    if isinstance(base, str) and base in SCENARIOS:
-        return SCENARIOS[base].replace(**changes)
-    if "base" in value:
-        raise unknown_name("base of a scenario", base, SCENARIOS)
-    return Scenario.from_dict(changes)

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from satid_gym.appendages import Appendages, Panels, Tank, appendages_of
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import Parameters
@@ -231,6 +233,16 @@ SCENARIOS: dict[str, Scenario] = {
                 wheel_loss=0.3,
                 torque_delay=(0, 3),
             ),
+        ),
+        Scenario(
+            name="flex",
+            appendages=Panels(
+                share=(0.02, 0.25), frequency=(0.1, 1.0), damping=(0.001, 0.01), deflection_limit=float(np.radians(0.5))
+            ),
+        ),
+        Scenario(
+            name="slosh",
+            appendages=Tank(share=(0.01, 0.04), frequency=(0.02, 0.1), damping=(0.02, 0.1), arm=(0.25, 0.5)),
         ),
     )
 }

@@ -12,7 +12,7 @@ from typing import Any
 
 from satid_gym.config import check_names
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
-from satid_gym.problem import resolve_inertia, resolve_satellites, resolve_scenario
+from satid_gym.resolution import resolve_inertia, resolve_satellites, resolve_scenario
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 from satid_gym.sources import SOURCE_HINT, is_source

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from satid_gym.core.control.rate_tracking import TRACKING_STEP_MAX
-from satid_gym.core.records import Criterion, InertiaMode, Templates, concatenate
+from satid_gym.core.records import Criterion, InertiaMode, ObservationForm, Templates, concatenate
 from satid_gym.core.task import task_dtype
 from satid_gym.core.truth.records import draw_dtype
 from satid_gym.disturbance import Disturbance
@@ -90,7 +90,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     rows = np.zeros(1, task_dtype(satellite.wheels.count, p.actions, oscillator_count(satellite.oscillators)))
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
-    task["decisions"] = scenario.decisions
+    task["decisions"], task["observation"] = scenario.decisions, ObservationForm[p.observation.upper()]
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit

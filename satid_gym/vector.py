@@ -14,11 +14,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from satid_gym.config import check_flag, check_integer, unknown_name
+from satid_gym.core.observation import Form
 from satid_gym.core.records import Autoreset
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import infos_of, make_spaces, option_templates, real_action, seed_list, seed_stream
-from satid_gym.problem import InertiaLike, SatelliteLike, ScenarioLike, problem
+from satid_gym.problem import problem
+from satid_gym.resolution import InertiaLike, SatelliteLike, ScenarioLike
 from satid_gym.reward import RewardSettings
 
 
@@ -37,7 +39,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: how many.
-        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control: as in
+        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control, observation: as
+            in
             `SatInertiaIDEnv`; the estimator is a compiled one.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
@@ -64,6 +67,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
         include_covariance: bool = False,
         control: str = "torque",
+        observation: Form = "wheels",
     ) -> None:
         super().__init__()
         self.num_envs = check_integer("num_envs", num_envs)
@@ -77,7 +81,15 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.problem = problem(
-            satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control
+            satellite,
+            inertia,
+            scenario,
+            estimator,
+            reward,
+            max_episode_steps,
+            include_covariance,
+            control,
+            observation,
         )
         self.stagger = check_flag("stagger", stagger)
         self.fleet = Fleet(self.problem, self.num_envs, num_threads=num_threads)

@@ -97,6 +97,22 @@ def test_files_keep_whether_the_covariance_is_observed(tmp_path):
     assert again.details == {}
 
 
+def test_it_observes_in_the_body_frame_and_its_file_says_so(tmp_path):
+    policy = LearnedPolicy("x", network(inputs=40), "torque", 0.0, observation="body")
+    policy.save(tmp_path / "x")
+    again = find(str(tmp_path / "x"))
+    assert again.observation == "body"
+    cell = {"satellite": "cubesat", "inertia": "static", "seeds": [1], "scenario": {"horizon": 5.0}}
+    np.testing.assert_array_equal(fly(again, **cell).error, fly(policy, **cell).error)
+    (mission,) = missions(problem())
+    with pytest.raises(ValueError, match='x observes "body", this environment gives "wheels"'):
+        again.reset(mission, [0])
+    with pytest.raises(ValueError, match="needs the speed of each wheel"):
+        LearnedPolicy("x", network(inputs=40), "rate", 2.4, observation="body")
+    with pytest.raises(ValueError, match="unknown observation of a learned policy 'wheel'"):
+        LearnedPolicy("x", network(), "rate", 2.4, observation="wheel")
+
+
 @cases("flag", [1, "yes", None, {"note": "where the details were once"}])
 def test_what_is_no_flag_is_refused(tmp_path, flag):
     message = "include_covariance of a learned policy must be True or False"
@@ -161,7 +177,7 @@ def test_the_exported_network_equals_torch(tmp_path, choices):
     assert difference <= TOLERANCE
     assert 0.0 < seconds < 0.1
     props = {p.key: p.value for p in onnx.load(tmp_path / "x.onnx").metadata_props}
-    assert props == {"control": "rate", "margin": "2.4", "include_covariance": "False"}
+    assert props == {"control": "rate", "margin": "2.4", "include_covariance": "False", "observation": "wheels"}
 
 
 def test_what_is_shipped():

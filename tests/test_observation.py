@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 import itertools
+import warnings
 
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 
-from satid_gym import SATELLITES, SatInertiaIDEnv
+from satid_gym import SATELLITES, Panel, ReactionWheels, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.core import kernels
-from satid_gym.core.observation import BOUND, layout
+from satid_gym.core.observation import BOUND, MODE_PARTS, layout
 from satid_gym.estimators import MomentumEKF, RateEKF
+from satid_gym.policies import build, find
+from satid_gym.policy import missions
+from satid_gym.problem import problem
 from satid_gym.scenario import prior_of
 from tests.cases import cases
+
+PANELS = Panel(
+    mass=0.37,
+    hinge=[0.0, 0.3, 0.0],
+    axis=[0.0, 0.0, 1.0],
+    arm=[0.0, 0.6, 0.0],
+    inertia=[0.045, 0.0001, 0.045],
+    frequency=0.35,
+    damping=0.005,
+    mass_std=0.2,
+    frequency_std=0.3,
+    deflection_std=0.001,
+    mirrored=True,
+)
+FLEXIBLE = SATELLITES["microsat"].replace(name="flexible", oscillators=[PANELS])
 
 
 class KeepsReadings:
@@ -20,11 +41,13 @@ class KeepsReadings:
 
     def reset(self, prior, gyro, wheel_speed):
         self.gyro, self.wheel_speed = gyro, wheel_speed
+        self.nis = []
         super().reset(prior, gyro, wheel_speed)
 
     def update(self, gyro, wheel_speed):
         self.gyro, self.wheel_speed = gyro, wheel_speed
-        return super().update(gyro, wheel_speed)
+        self.nis.append(super().update(gyro, wheel_speed))
+        return self.nis[-1]
 
 
 class MomentumRecorder(KeepsReadings, MomentumEKF):
@@ -44,6 +67,15 @@ def test_layout_is_contiguous_and_fills_the_space():
     env = SatInertiaIDEnv(estimator={"name": "momentum", "parameters": "full"})
     assert env.observation_space.shape == (16 + 6 + 30,)
     assert env.layout == layout(3, 6)
+    for n, p, modes in ((3, 3, 0), (4, 6, 0), (8, 6, 3)):
+        parts = list(layout(n, p, form="body", mode_count=modes).values())
+        assert all(a.stop == b.start for a, b in itertools.pairwise(parts))
+        assert parts[-1].stop == 25 + 5 * p + 10 * modes
+    env = SatInertiaIDEnv(FLEXIBLE, observation="body")
+    assert env.observation_space.shape == (50,)
+    assert env.layout == layout(3, 3, form="body", mode_count=1)
+    rigid = SatInertiaIDEnv(FLEXIBLE, estimator={"name": "momentum", "flexible": False}, observation="body")
+    assert rigid.observation_space.shape == (40,)
 
 
 @cases(
@@ -182,9 +214,11 @@ def test_observation_is_of_order_one_in_ordinary_flight(name):
         assert np.abs(part).mean() > 0.1
 
 
+@cases("observation", ["wheels", "body"])
 @pytest.mark.compiled
-def test_observation_is_finite_and_bounded_whatever_the_action():
-    env = SatInertiaIDEnv("random", scenario={"termination_factor": 1e6}, include_covariance=True)
+def test_observation_is_finite_and_bounded_whatever_the_action(observation):
+    settings = {"include_covariance": True, "observation": observation}
+    env = SatInertiaIDEnv("random", scenario={"termination_factor": 1e6}, **settings)
     rng = np.random.default_rng(0)
     for seed in range(6):
         observation, _ = env.reset(seed=seed)
@@ -209,3 +243,170 @@ def test_observations_and_infos_are_copies():
     twin.reset(seed=0)
     twin.step(np.full(3, 0.5, np.float32))
     np.testing.assert_array_equal(env.step(np.zeros(3, np.float32))[0], twin.step(np.zeros(3, np.float32))[0])
+
+
+# in the body frame
+
+
+@cases("new", [MomentumRecorder, RateRecorder])
+@cases(("name", "parameters"), [("microsat", "principal"), ("pyramid", "full")])
+def test_parts_in_the_body_frame_by_their_definitions(name, parameters, new, pyramid):
+    """All others are as in the form "wheels", to the last bit."""
+    satellite = SATELLITES.get(name, pyramid)
+    wheels, scenario = satellite.wheels, {"decision_period": 2.0}
+    recorder = new(parameters=parameters)
+    settings = {"scenario": scenario, "include_covariance": True}
+    body = SatInertiaIDEnv(satellite, estimator=recorder, observation="body", **settings)
+    twin = SatInertiaIDEnv(satellite, estimator=new(parameters=parameters), **settings)
+    body.reset(seed=5)
+    twin.reset(seed=5)
+    rng = np.random.default_rng(0)
+    corners = satellite.rate_limit * np.array(list(itertools.product([-1.0, 1.0], repeat=3)))
+    for _ in range(6):
+        action = rng.uniform(-0.3, 0.3, wheels.count).astype(np.float32)
+        recorder.nis = []
+        (seen, _, _, _, info), (other, *_) = body.step(action), twin.step(action)
+        spin, limit = wheels.inertia * recorder.wheel_speed, wheels.inertia * wheels.max_speed
+        taken = info["inertia_estimate"] @ (recorder.gyro - corners).T  # momentum from the body, corner by corner
+        reached = spin[:, None] + np.linalg.pinv(wheels.axes) @ taken
+        expected = {
+            "wheel_momentum": wheels.axes @ spin / (np.abs(wheels.axes) @ limit),
+            "fastest_wheel": [np.max(np.abs(spin) / limit), np.max(np.abs(reached) / limit[:, None])],
+            "command": -wheels.axes @ (action * wheels.max_torque) / (np.abs(wheels.axes) @ wheels.max_torque),
+            "nis": [np.log10(np.mean(recorder.nis))],
+            "modes": [],
+        }
+        assert len(recorder.nis) == 20
+        for part, place in body.layout.items():
+            if part in expected:
+                np.testing.assert_allclose(seen[place], expected.pop(part), rtol=2e-6, atol=2e-6, err_msg=part)
+            else:
+                np.testing.assert_array_equal(seen[place], other[twin.layout[part]], err_msg=part)
+        assert not expected
+
+
+def test_three_wheels_and_four_are_observed_alike():
+    """Four wheels of axes (+-2, 0, 1) and (0, +-2, 1) over root 5, which have together what three along the axes have.
+
+    By hand: a momentum (0.36, -0.18, 0.09) N m s of 1.8, and a torque on the body (0.05, 0, -0.02) N m of 0.1.
+    """
+    three, root = SATELLITES["microsat"], np.sqrt(5.0)
+    share = root / 4.0  # the sum over four wheels of |component| is 4 / root 5 along each axis
+    axes = np.array([[2.0, -2.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0], [1.0, 1.0, 1.0, 1.0]]) / root
+    own = {name: share * getattr(three.wheels, name)[0] for name in ("inertia", "max_torque")}
+    wheels = ReactionWheels(axes=axes, max_speed=three.wheels.max_speed[0], **own)
+    four = three.replace(name="four", wheels=wheels)
+    assert three.wheels.inertia[0] * three.wheels.max_speed[0] == pytest.approx(1.8)
+    settings = {"estimator": {"name": "momentum", "parameters": "full"}, "include_covariance": True}
+    envs = [SatInertiaIDEnv(s, observation="body", **settings) for s in (three, four)]
+    assert envs[0].layout == envs[1].layout
+    # spinning against each other at 100 rad/s beside 225, -135, -45 and 135 rad/s that give the momentum
+    speeds = [np.array([180.0, -90.0, 45.0]), np.array([325.0, -35.0, -145.0, 35.0])]
+    commands = [np.array([-0.5, 0.0, 0.2]), np.linalg.pinv(axes) @ [-0.05, 0.0, 0.02] / wheels.max_torque]
+    for env, speed, command in zip(envs, speeds, commands, strict=True):
+        env.reset(seed=0)
+        rows, first = env.fleet.rows, envs[0].fleet.rows
+        for name in ("mean", "covariance"):
+            rows.beliefs[name] = first.beliefs[name]
+        rows.beliefs["wheel_input"][0, :3] = [0.36, -0.18, 0.09]
+        rows.plants["gyro"], rows.plants["tachometer"] = [0.01, 0.0, -0.02], speed
+        rows.tasks["command"], rows.tasks["nis_sum"], rows.tasks["nis_count"] = command, 20.0, 10
+        kernels.look(rows, env.fleet.work)
+    a, b = (env.fleet.rows.observations[0] for env in envs)
+    alike = np.ones(len(a), bool)
+    alike[envs[0].layout["fastest_wheel"]] = False
+    np.testing.assert_allclose(a[alike], b[alike], rtol=1e-5, atol=1e-6)
+    part = {name: a[place] for name, place in envs[0].layout.items()}
+    np.testing.assert_allclose(part["wheel_momentum"], [0.2, -0.1, 0.05], rtol=1e-6)
+    np.testing.assert_allclose(part["command"], [0.5, 0.0, -0.2], atol=1e-7)
+    assert part["nis"][0] == pytest.approx(np.log10(2.0))
+    assert part["fastest_wheel"][0] == pytest.approx(180.0 / 900.0)
+    assert b[envs[1].layout["fastest_wheel"]][0] == pytest.approx(325.0 / 900.0)
+
+
+def test_modes_are_the_beliefs():
+    env = SatInertiaIDEnv(FLEXIBLE, "static", {"decision_period": 2.0}, observation="body", include_covariance=True)
+    (mission,) = missions(env.problem)
+    (mode,) = mission.prior.modes
+    rung = np.linalg.norm(mode.coupling) * FLEXIBLE.rate_limit  # deta/dt by a step of the rate by its limit
+    w = 2.0 * np.pi * mode.frequency
+    observation, _ = env.reset(seed=2)
+    places = np.cumsum([0, *MODE_PARTS.values()])
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        belief = env.fleet.rows.beliefs[0]
+        mean, std = belief["mean"], np.sqrt(np.diag(belief["covariance"]))
+        eta, p, log_w, log_d, log_zeta = mean[9:14]
+        d, J = np.exp(log_d) * mode.coupling, np.diag(mean[3:6])
+        bent = J + eta * np.exp(log_d) * mode.inertia_slope + eta**2 * mode.inertia_curvature
+        omega = np.linalg.solve(bent - np.outer(d, d), mean[:3] - belief["wheel_input"][:3] - d * p)
+        expected = {
+            "deflection": eta * w / rung,
+            "deflection_rate": (p - d @ omega) / rung,
+            "frequency": 2.0 * mode.frequency * np.exp(log_w),
+            "frequency_std": np.log10(std[11]) + 2.0,
+            "coupling": d / np.sqrt(mean[3:6]),
+            "coupling_std": np.log10(std[12]) + 2.0,
+            "damping": np.log10(mode.damping * np.exp(log_zeta)) + 2.0,
+            "damping_std": -10.0,  # the data sheet says it is as nominal
+        }
+        seen = observation[env.layout["modes"]]
+        for i, (name, value) in enumerate(expected.items()):
+            np.testing.assert_allclose(seen[places[i] : places[i + 1]], value, rtol=1e-5, atol=1e-6, err_msg=name)
+        assert list(expected) == list(MODE_PARTS)
+        shown = observation[env.layout["state_uncertainty"]]  # of momentum, torque and the five states of the mode
+        np.testing.assert_allclose(10.0 ** (shown[6:10] - 2.0), std[9:13] / [rung / w, rung, 1.0, 1.0], rtol=1e-5)
+        assert shown[10] == -10.0
+        np.testing.assert_array_equal(seen[places[4] : places[4] + 2], 0.0)  # panels turn z alone
+        observation, *_ = env.step(rng.uniform(-0.3, 0.3, 3).astype(np.float32))
+
+
+def test_a_decision_without_readings_shows_a_nis_as_expected():
+    faults = {"gyro_dropout": 1.0, "gyro_dropout_duration": [1e3, 1e3]}
+    env = SatInertiaIDEnv(scenario={"faults": faults}, observation="body")
+    observation, _ = env.reset(seed=0)
+    assert observation[env.layout["nis"]] == 0.0
+    shown = [env.step(np.zeros(3, np.float32))[0][env.layout["nis"]][0] for _ in range(200)]
+    assert shown[0] != 0.0
+    assert shown[-1] == 0.0
+
+
+@cases("satellite", ["microsat", FLEXIBLE])
+@cases("more", [{}, {"include_covariance": True}])
+def test_both_checkers_and_the_vector_in_the_body_frame(satellite, more):
+    settings = {"satellite": satellite, "observation": "body", **more}
+    env = SatInertiaIDEnv(**settings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env, skip_render_check=True)
+        check_env_for_sb3(env)
+    many = SatInertiaIDVectorEnv(2, **settings)
+    assert many.single_observation_space == env.observation_space
+    (one, _), (both, _) = env.reset(seed=8), many.reset(seed=7)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        np.testing.assert_array_equal(one, both[1])
+        action = rng.uniform(-0.5, 0.5, 3).astype(np.float32)
+        one, both = env.step(action)[0], many.step(np.array([action, action]))[0]
+
+
+def test_what_needs_each_wheel_refuses_the_body_frame():
+    """Policies of both loops say so before a flight; what looks at no observation flies the same."""
+    (mission,) = missions(problem(observation="body", include_covariance=True))
+    for policy in (build("rate_square", {"period": 36.0, "margin": 2.5}), build("mpc", {})):
+        with pytest.raises(ValueError, match=r'need the speed of each wheel.*give observation="wheels"'):
+            policy.reset(mission, [0])
+    with pytest.raises(ValueError, match='generalist observes "wheels", this environment gives "body"'):
+        find("generalist").reset(mission, [0])
+    with pytest.raises(ValueError, match=r"unknown observation of Problem 'bodies'.*Did you mean 'body'"):
+        problem(observation="bodies")
+    errors = []
+    for observation in ("wheels", "body"):
+        env = SatInertiaIDVectorEnv(1, observation=observation)
+        profile = build("multi_step", {"amplitude": 0.02})
+        profile.reset(missions(env.problem)[0], [4])
+        seen, _ = env.reset(seed=4)
+        for _ in range(10):
+            seen, *_, info = env.step(profile(seen))
+        errors.append(info["relative_error"][0])
+    assert errors[0] == errors[1]

@@ -7,7 +7,7 @@ from satid_gym import Pilot
 from satid_gym.core import kernels
 from satid_gym.fleet import Fleet
 from satid_gym.policies import build, find, make_baseline
-from satid_gym.policy import includes_covariance, missions
+from satid_gym.policy import missions, observation_settings
 from satid_gym.problem import problem
 from tests.cases import cases
 
@@ -17,7 +17,7 @@ class Flight:
 
     def __init__(self, satellite, policy, scenario, seed=5):
         self.policy = policy
-        self.problem = problem(satellite, "static", scenario, include_covariance=includes_covariance(policy))
+        self.problem = problem(satellite, "static", scenario, **observation_settings(policy))
         self.fleets = [Fleet(self.problem, 1) for _ in range(2)]
         for fleet in self.fleets:
             fleet.rows.plants["stream"][0] = np.random.default_rng(seed).integers(1, 2**64, 4, dtype=np.uint64)
@@ -46,6 +46,21 @@ def readings(plant):
     return plant["gyro"].copy(), plant["tachometer"].copy()
 
 
+class BodyDamper:
+    """Stops the body, as fast as what it observes in the body frame tells it."""
+
+    name, kind, observation = "body_damper", "closed_loop", "body"
+
+    def reset(self, mission, seeds):
+        wheels = mission.satellite.wheels
+        self.places, self.allocation = mission.layout, np.linalg.pinv(wheels.axes) / wheels.max_torque[:, None]
+
+    def __call__(self, observation):
+        part = {name: observation[:, place] for name, place in self.places.items()}
+        haste = 0.02 * (1.0 + part["nis"] + part["fastest_wheel"][:, 1:] + part["modes"].sum(axis=1, keepdims=True))
+        return np.clip(haste * (part["rate"] + 0.1 * part["wheel_momentum"]) @ self.allocation.T, -1.0, 1.0)
+
+
 def rate_square(satellite):
     return build("rate_square", {"period": 36.0, "margin": 2.5})
 
@@ -61,6 +76,7 @@ def rate_square(satellite):
         ("rate_square", 4, "default", 60),
         ("mpc", 4, "default", 20),
         ("multi_step", 4, "default", 60),
+        ("body_damper", 4, "default", 20),
         ("rate_square", 3, "paper", 40),
         ("rate_square", 4, {"tolerances": {"gyro_bias": 1e-4, "wheel_inertia": 1e-3}}, 40),
     ],
@@ -68,7 +84,8 @@ def rate_square(satellite):
 def test_it_commands_and_believes_what_the_environment_does(name, wheels, scenario, count, pyramid):
     satellite = "microsat" if wheels == 3 else pyramid
     settings = {"rate_square": {"period": 36.0, "margin": 2.5}, "mpc": {}, "multi_step": {"amplitude": 0.02}}
-    make = (lambda: find(name)) if name == "generalist" else (lambda: build(name, settings[name]))
+    own = {"generalist": lambda: find(name), "body_damper": BodyDamper}
+    make = own.get(name, lambda: build(name, settings[name]))
     flight = Flight(satellite, make(), scenario)
     pilot = Pilot(satellite, make(), scenario=scenario, patience=1e3)
     world = flight.problem.scenario

@@ -18,7 +18,7 @@ from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.open_loop_optimal import DESIGNS, NotPreparedError, OpenLoopOptimalPolicy
 from satid_gym.policies.registry import PLANNERS, TUNED
 from satid_gym.policies.shipped import find, names
-from satid_gym.policy import Policy, includes_covariance, missions
+from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
@@ -234,7 +234,7 @@ def learned(text: str) -> LearnedPolicy:
 def misfit(policy: Policy, satellite: Satellite, modes: Sequence[str | InertiaLaw], scenario: Scenario) -> str:
     """Why a policy cannot fly a satellite, such as other numbers of wheels or parameters; "" where it can."""
     for mode in modes:
-        posed = problem(satellite, mode, scenario, include_covariance=includes_covariance(policy))
+        posed = problem(satellite, mode, scenario, **observation_settings(policy))
         try:
             copy.copy(policy).reset(missions(posed)[0], [0])
         except ValueError as error:

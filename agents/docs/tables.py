@@ -181,6 +181,8 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},
     "environment.md": {
         "observation": lambda: section_table("Observation space"),
+        "body observation": lambda: section_table("Observation in the body frame"),
+        "observed modes": lambda: section_table("Modes in the observation"),
         "reward": lambda: settings(RewardSettings),
         "reward ranks": compared(correlation_sentence),
         "info": lambda: section_table("Information"),

@@ -61,6 +61,7 @@ def graph(policy: LearnedPolicy) -> onnx.ModelProto:
         "control": policy.control,
         "margin": str(policy.margin),
         "include_covariance": str(policy.include_covariance),
+        "observation": policy.observation,
     }
     helper.set_model_props(model, props)
     onnx.checker.check_model(model)

@@ -12,7 +12,8 @@ from typing import Any, ClassVar, Literal, Self
 from satid_gym.config import Config, check_integer
 from satid_gym.files import DamagedFileError, read_json
 from satid_gym.policies.learned import check_name
-from satid_gym.problem import problem, resolve_satellites
+from satid_gym.problem import problem
+from satid_gym.resolution import resolve_satellites
 from satid_gym.reward import RewardSettings, reward_settings
 from satid_gym.satellite import Satellite
 from satid_gym.selection import select_inertias, select_satellites, select_scenario

@@ -15,7 +15,7 @@ from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
-from satid_gym.policy import Policy, includes_covariance, missions
+from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
 
 _MODES = ("random", *INERTIA_MODES, *MASS_MODES)
@@ -147,7 +147,7 @@ class Pairing:
                     world,
                     render_mode=render_mode,
                     render_size=render_size,
-                    include_covariance=includes_covariance(policy),
+                    **observation_settings(policy),
                 ),
                 self.seed,
             )

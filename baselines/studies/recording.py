@@ -20,8 +20,9 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.faults import Faults
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import seed_stream
-from satid_gym.policy import Mission, Policy, includes_covariance, missions
-from satid_gym.problem import InertiaLike, ScenarioLike, problem
+from satid_gym.policy import Mission, Policy, missions, observation_settings
+from satid_gym.problem import problem
+from satid_gym.resolution import InertiaLike, ScenarioLike
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 
@@ -80,7 +81,7 @@ def record(
     Raises:
         ValueError: `as_modelled` with a filter that has no such model, or that estimates products of inertia.
     """
-    posed = problem(satellite, inertia, scenario, estimator, include_covariance=includes_covariance(policy))
+    posed = problem(satellite, inertia, scenario, estimator, **observation_settings(policy))
     if as_modelled:
         posed = posed.replace(scenario=model_world(posed.scenario))
     (mission,) = missions(posed)

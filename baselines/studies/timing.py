@@ -18,7 +18,7 @@ from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.policies.shipped import find, names
-from satid_gym.policy import Kind, Mission, Policy, includes_covariance
+from satid_gym.policy import Kind, Mission, Policy, observation_settings
 from satid_gym.satellite import SATELLITES
 
 
@@ -35,7 +35,7 @@ class TimedPolicy:
     def __init__(self, policy: Policy) -> None:
         self.policy, self.name = policy, policy.name
         self.kind: Kind = policy.kind
-        self.include_covariance = includes_covariance(policy)
+        self.include_covariance, self.observation = observation_settings(policy).values()
         self.times: list[float] = []
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:

@@ -28,7 +28,7 @@ from satid_gym.metrics import BEYOND_MAX, beyond_envelope
 from satid_gym.policies import grids
 from satid_gym.policies.grids import Settings
 from satid_gym.policies.registry import BASELINES, TUNED, build
-from satid_gym.problem import ScenarioLike, resolve_scenario
+from satid_gym.resolution import ScenarioLike, resolve_scenario
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario
 from satid_gym.selection import select_satellites, select_scenarios

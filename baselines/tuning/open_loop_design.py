@@ -25,7 +25,7 @@ from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.policies.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
-from satid_gym.problem import ScenarioLike
+from satid_gym.resolution import ScenarioLike
 from satid_gym.satellite import BENCHMARK_SATELLITES, Satellite
 from satid_gym.scenario import SCENARIOS, Scenario, prior_of
 from satid_gym.selection import select_satellites, select_scenarios

@@ -14,7 +14,7 @@ from satid_gym.env import SatInertiaIDEnv
 from satid_gym.files import replacing
 from satid_gym.onboard.pilot import policy_by_name
 from satid_gym.policies import LearnedPolicy
-from satid_gym.policy import includes_covariance, missions
+from satid_gym.policy import missions, observation_settings
 
 _EXAMPLES = """examples:
   satid fly
@@ -64,7 +64,7 @@ def run(given: argparse.Namespace) -> int:
         given.inertia,
         given.scenario,
         render_mode="rgb_array" if given.picture else None,
-        include_covariance=includes_covariance(policy),
+        **observation_settings(policy),
     )
     (mission,) = missions(env.problem)
     try:

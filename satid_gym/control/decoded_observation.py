@@ -39,7 +39,16 @@ class PlantConstants(NamedTuple):
 
     @classmethod
     def of(cls, missions: Sequence[Mission]) -> Self:
-        """One row a mission."""
+        """One row a mission.
+
+        Raises:
+            ValueError: a mission's observations are of the form "body", which does not hold the wheels' speeds.
+        """
+        if any(m.observation != "wheels" for m in missions):
+            raise ValueError(
+                'the rate loop and planners need the speed of each wheel, which observation="body" leaves out: give '
+                'observation="wheels"'
+            )
         satellites = [m.satellite for m in missions]
         wheels = [s.wheels for s in satellites]
         worlds = [m.scenario for m in missions]

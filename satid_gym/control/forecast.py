@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from satid_gym.control.deadbeat import reach
-from satid_gym.core.control.allocation import allocate, storable
 from satid_gym.core.algebra import (
     add,
     axpy,
@@ -22,6 +21,7 @@ from satid_gym.core.algebra import (
 )
 from satid_gym.core.belief import momentum_filter, momentum_start
 from satid_gym.core.belief.kalman import estimated_inertia
+from satid_gym.core.control.allocation import allocate, storable
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.records import Criterion
 from satid_gym.core.reward import uncertainty_nats

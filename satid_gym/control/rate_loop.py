@@ -30,7 +30,7 @@ class RateLoop:
             deviations of what one decision's noise does to them.
 
     Raises:
-        ValueError: the margin is negative.
+        ValueError: the margin is negative, or observations are not of the form "wheels".
     """
 
     def __init__(self, missions: Sequence[Mission], margin: float) -> None:
@@ -77,10 +77,10 @@ class RateMargin:
 
     def _share(self, mission: Mission) -> np.ndarray:
         """(3,) of the rate limit that may be commanded."""
-        satellite, world, constants = mission.satellite, mission.scenario, PlantConstants.of([mission])
+        satellite, world, wheels = mission.satellite, mission.scenario, mission.satellite.wheels
         kept = 1.0 - min(world.rate_bandwidth * world.sample_period, TRACKING_STEP_MAX)
-        noise = constants.impulse_std[0] / np.sqrt(world.samples * (1.0 - kept**2))
-        variance = ((np.linalg.inv(mission.prior.inertia) @ satellite.wheels.axes * noise) ** 2).sum(axis=1)
+        impulse = world.torque_noise * world.sample_period * wheels.max_torque  # of a sample
+        variance = ((np.linalg.inv(mission.prior.inertia) @ wheels.axes * impulse) ** 2).sum(axis=1) / (1.0 - kept**2)
         std = np.sqrt(variance + satellite.gyro_noise_std**2)
         return np.maximum(1.0 - self.margin * std / satellite.rate_limit, 0.0)
 

@@ -36,6 +36,7 @@ _NEXT_STEP, _SAME_STEP, _BEGIN = int(Autoreset.NEXT_STEP), int(Autoreset.SAME_ST
 def command(plant, task, work, report, action):
     """Take an action, the motor torque (n,) or the rate reference (3,) of the decision, and clear the tallies."""
     report.effort = report.information_gain = 0.0
+    task.nis_sum, task.nis_count = 0.0, 0
     for k in range(action.shape[0]):
         fraction = min(max(np.float64(action[k]), -1.0), 1.0)
         task.command[k] = fraction
@@ -142,6 +143,13 @@ def note_costs(task, report):
         report.cost = max(report.cost, costs[i])
 
 
+def note_nis(task, nis):
+    """Tally the NIS of an instant; 0 is that of one without an update."""
+    if nis > 0.0:
+        task.nis_sum += nis
+        task.nis_count += 1
+
+
 @outline
 def assess(plant, belief, work, report):
     """Compare the estimate with the truth: for info and evaluation, never for reward or observation."""
@@ -203,6 +211,7 @@ def decide(rows, i, action, work):
         before = uncertainty_nats(belief, work, task.criterion)
         report.nis = take_reading(plant, belief, work)
         note_rate(plant, belief, report)
+        note_nis(task, report.nis)
         last = uncertainty_nats(belief, work, task.criterion)
         report.information_gain += before - last
         if rows.logs.shape[1] > 0:

@@ -120,9 +120,10 @@ def announce(rows, beliefs):
 
 
 @kernel
-def note_rate(rows):
-    """Tally the rate after a sample's update."""
+def note_update(rows):
+    """Tally rate and NIS after a sample's update."""
     episode.note_rate(rows.plants[0], rows.beliefs[0], rows.reports[0])
+    episode.note_nis(rows.tasks[0], rows.reports[0].nis)
 
 
 @kernel

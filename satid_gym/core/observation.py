@@ -1,26 +1,51 @@
-"""Observation: belief and measurement, normalised so that one policy can fly any satellite."""
+"""Observation: belief and measurement, normalised so that one policy can fly any satellite.
+
+In the form "wheels" speeds and previous action are observed wheel by wheel. In the form "body" what the wheels do to
+the body takes their place, so that a policy does not depend on how many there are, and NIS and modes are observed too.
+"""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 
 from satid_gym.core.algebra import add, cross, inverse, multiply
-from satid_gym.core.belief import filters
+from satid_gym.core.belief import filters, modes
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.records import ObservationForm
+from satid_gym.core.wheels import reachable, speed_shares, sum_wheels, wheel_momentum
 
+Form = Literal["wheels", "body"]
 BOUND = 10.0
+MODE_PARTS = {
+    "deflection": 1,
+    "deflection_rate": 1,
+    "frequency": 1,
+    "frequency_std": 1,
+    "coupling": 3,
+    "coupling_std": 1,
+    "damping": 1,
+    "damping_std": 1,
+}
+"""Sizes of what is observed of a mode, in order."""
+_BODY = int(ObservationForm.BODY)
 
 
-def layout(n: int, p: int, others: int = 0, actions: int | None = None) -> dict[str, slice]:
+def layout(
+    n: int, p: int, others: int = 0, form: Form = "wheels", mode_count: int = 0, actions: int | None = None
+) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
-    `actions` is the number of an action's numbers, n where None.
-    `others` is the number of the filter's states beside the parameters where the whole covariance is observed.
+    `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
+    `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
+    numbers, n where None.
     """
+    body = form == "body"
     sizes = {
         "rate": 3,
-        "wheel_speed": n,
+        **({"wheel_momentum": 3, "fastest_wheel": 2} if body else {"wheel_speed": n}),
         "inertia": p,
         "uncertainty": p,
         "disturbance": 3,
@@ -28,9 +53,11 @@ def layout(n: int, p: int, others: int = 0, actions: int | None = None) -> dict[
         "control_authority": 3,
         "momentum_fraction": 3,
         "coast_rate_change": 3,
-        "command": n if actions is None else actions,
+        "command": 3 if body or actions == 3 else n,
         "time_left": 1,
     }
+    if body:
+        sizes["nis"], sizes["modes"] = 1, mode_count * sum(MODE_PARTS.values())
     if others > 0:
         states = others + p
         sizes["state_uncertainty"] = others
@@ -53,10 +80,16 @@ def _write(out, i, value):
     return i + 1
 
 
+@inline
+def _log_share(value):
+    """What is observed of a standard deviation, or another positive number, over its scale; -10 of 0."""
+    return np.log10(value) + _LOG_OFFSET if value > 0.0 else -BOUND
+
+
 @outline
 def observe(belief, task, gyro, tachometer, out):
     """Write the observation, in the order of `layout`."""
-    p, n = belief.prior_theta.shape[0], tachometer.shape[0]
+    p = belief.prior_theta.shape[0]
     mean, covariance = belief.mean, belief.covariance
     inertia = estimated_inertia(belief)
     omega = filters.rate(belief)
@@ -67,9 +100,11 @@ def observe(belief, task, gyro, tachometer, out):
     i = 0
     for k in range(3):
         i = _write(out, i, reading[k] / task.rate_limit)
-    for k in range(n):
-        speed = tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
-        i = _write(out, i, speed / task.wheel_speed_max[k])
+    if task.observation == _BODY:
+        i = _observe_wheels_on_body(belief, task, reading, tachometer, out, i)
+    else:
+        for k in range(tachometer.shape[0]):
+            i = _write(out, i, _speed(belief, tachometer, k) / task.wheel_speed_max[k])
     for k in range(p):
         i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
     for k in range(p):
@@ -86,11 +121,73 @@ def observe(belief, task, gyro, tachometer, out):
         i = _write(out, i, task.momentum_fraction[k])
     for k in range(3):
         i = _write(out, i, coast_rate_change[k] * decision_period / task.rate_limit)
-    for k in range(task.command.shape[0]):
-        i = _write(out, i, task.command[k])
+    i = _observe_command(belief, task, out, i)
     i = _write(out, i, 1.0 - task.decision / task.decisions)
+    if task.observation == _BODY:
+        i = _write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
+        i = _observe_modes(belief, task, omega, out, i)
     if i < out.shape[0]:
         _observe_covariance(belief, task, out, i)
+
+
+@inline
+def _speed(belief, tachometer, k):
+    """Reading of wheel k's tachometer, rad/s, or the filter's own speed where that is stuck."""
+    return tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
+
+
+@inline
+def _observe_command(belief, task, out, i):
+    """Write the previous action, a torque in the form BODY as that on the body over the most along each axis."""
+    if task.observation != _BODY or task.tracking.on != 0:
+        for k in range(task.command.shape[0]):
+            i = _write(out, i, task.command[k])
+        return i
+    torque = sum_wheels(belief.axes, task.command * task.torque_max)
+    most = reachable(belief.axes, task.torque_max)
+    for k in range(3):
+        i = _write(out, i, -torque[k] / most[k])  # the body feels the opposite
+    return i
+
+
+@outline
+def _observe_wheels_on_body(belief, task, omega, tachometer, out, i):
+    """Write the wheels' momentum over the most along each axis, and how near the fastest is to its limit."""
+    speed = np.empty(tachometer.shape[0])
+    for k in range(speed.shape[0]):
+        speed[k] = _speed(belief, tachometer, k)
+    stored = wheel_momentum(belief, speed)
+    most = reachable(belief.axes, belief.wheel_inertia * task.wheel_speed_max)
+    for k in range(3):
+        i = _write(out, i, stored[k] / most[k])
+    rates = omega, task.rate_limit
+    now, worst = speed_shares(belief, speed, task.wheel_speed_max, estimated_inertia(belief), rates)
+    i = _write(out, i, now)
+    return _write(out, i, worst)
+
+
+@outline
+def _observe_modes(belief, task, omega, out, i):
+    """Write what is estimated of each mode, in the order of `MODE_PARTS`.
+
+    Deflection and its rate are over those that a step of the body rate by its limit rings, see `modes.rung_rate`.
+    """
+    own, mean, covariance = belief.modes, belief.mean, belief.covariance
+    inertia, period = estimated_inertia(belief), task.sample_period * task.samples
+    for m in range(own.coupling.shape[0]):
+        at = own.first + modes.STATES * m
+        rung = modes.rung_rate(belief, m, task.rate_limit)
+        per_rung = 1.0 / rung if rung > 0.0 else 0.0
+        i = _write(out, i, mean[at] * own.frequency[m] * per_rung)
+        i = _write(out, i, modes.deflection_rate(belief, m, omega) * per_rung)
+        i = _write(out, i, own.w[m] * period / (2.0 * np.pi))
+        i = _write(out, i, _log_share(np.sqrt(covariance[at + 2, at + 2])))
+        for k in range(3):
+            i = _write(out, i, own.d[m, k] / np.sqrt(inertia[k]))
+        i = _write(out, i, _log_share(np.sqrt(covariance[at + 3, at + 3])))
+        i = _write(out, i, _log_share(own.zeta[m]))
+        i = _write(out, i, _log_share(np.sqrt(covariance[at + 4, at + 4])))
+    return i
 
 
 @inline

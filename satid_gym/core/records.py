@@ -1,8 +1,8 @@
 """Records that the core works on: plain numbers, one row an environment, bundled as `Rows`.
 
 Truth (`plant`) and belief (`belief`) are different records, so a function that is handed the belief cannot see the
-true inertia; their fields are in `core.truth.records` and `core.belief.records`. `task` (`core.task`) holds what the episode asks
-for, `report` what the last decision gave.
+true inertia; their fields are in `core.truth.records` and `core.belief.records`. `task` (`core.task`) holds what the
+episode asks for, `report` what the last decision gave.
 n: wheels; p: inertia parameters (3 principal moments, or 6 with the products xy, xz, yz); size: filter state.
 All in SI units and the body frame unless said otherwise.
 """
@@ -43,6 +43,12 @@ class Cost(IntEnum):
     """Cost of a decision: a share of its time, or of the wheels."""
 
     RATE, SATURATION, DEFLECTION, AVOIDED_BAND = range(4)
+
+
+class ObservationForm(IntEnum):
+    """Whether wheels are observed one by one or by what they do to the body, see `core.observation`."""
+
+    WHEELS, BODY = range(2)
 
 
 class Autoreset(IntEnum):

@@ -44,6 +44,9 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("envelope_weight", FLOAT),
             ("saturation_weight", FLOAT),
             ("effort_weight", FLOAT),
+            ("observation", INT),  # an ObservationForm
+            ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected
+            ("nis_count", INT),  # of these readings
             ("command", FLOAT, actions),  # previous action
             ("tracking", tracking_dtype(n)),
             ("over", INT),  # 1 when the episode has ended and has not been reset

@@ -20,9 +20,9 @@ class Estimator(Protocol):
     Its state begins with a 3-vector and theta (p,): [M, theta, tau] in "momentum" coordinates (M: total
     angular momentum, tau: disturbance torque, both body frame), [omega, theta, Omega] in "rate" coordinates.
     Further states may follow. Where it has a method `command(torque)` as well, it is told the motor torque (n,),
-    N m, that is commanded, before each reading. A reading that the gyro flags as invalid is not given to `update`; that of the
-    tachometers then goes to the method `update_wheels(wheel_speed)`, where there is one, which returns what `update`
-    does.
+    N m, that is commanded, before each reading. A reading that the gyro flags as invalid is not given to `update`;
+    that of the tachometers then goes to the method `update_wheels(wheel_speed)`, where there is one, which returns
+    what `update` does.
 
     The observation shows the readings as they are unless the estimator has a property `accepted`, and that is not None:
     (whether the gyro's last reading was accepted, wheel speeds (n,) that it uses). Without an accepted reading of the

@@ -21,7 +21,7 @@ from satid_gym.identification.flights import FlightReport, flight_reports, folds
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
 from satid_gym.identification.rows import ROWS_MIN
 from satid_gym.identification.slips import check_attitude, check_fit
-from satid_gym.problem import SatelliteLike, resolve_satellites
+from satid_gym.resolution import SatelliteLike, resolve_satellites
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 from satid_gym.telemetry.units import option_of

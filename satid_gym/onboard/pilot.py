@@ -18,8 +18,9 @@ from satid_gym.onboard.gap import widen
 from satid_gym.onboard.readings import gyro_reading, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status
 from satid_gym.policies import BASELINES, find, make_baseline, names
-from satid_gym.policy import Policy, includes_covariance, missions
-from satid_gym.problem import SatelliteLike, ScenarioLike, problem
+from satid_gym.policy import Policy, missions, observation_settings
+from satid_gym.problem import problem
+from satid_gym.resolution import SatelliteLike, ScenarioLike
 from satid_gym.templates import build_templates
 
 _SAME = 1e-6  # of the sample period, within which two intervals are the same
@@ -67,7 +68,7 @@ class Pilot:
             raise ValueError(f"a pilot flies one satellite, got {[s.name for s in given.satellites]}")
         world, (own,) = given.scenario, given.satellites
         self.policy: Policy = policy_by_name(policy, own.name, world.name) if isinstance(policy, str) else policy
-        self.problem = given.replace(include_covariance=includes_covariance(self.policy))
+        self.problem = given.replace(**observation_settings(self.policy))
         (self.mission,) = missions(self.problem)
         self.patience = 3.0 * world.decision_period if patience is None else check_number("patience", patience)
         self.seed = check_integer("seed", seed, low=0)
@@ -222,6 +223,7 @@ class Pilot:
         for _ in range(due):
             action = real_action("action", self.policy(self._observation.copy()))
         self._decided += due
+        self._tasks["nis_sum"], self._tasks["nis_count"] = 0.0, 0
         self.status.counts["missed"] += due - 1
         if action.shape != (1, self.problem.actions) or not np.isfinite(action).all():
             return self._coast(f"policy {self.policy.name} gave no action: {action.tolist()}")

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from safetensors import SafetensorError
@@ -20,6 +20,7 @@ from safetensors.numpy import load, save
 from satid_gym.config import check_flag, check_number, unknown_name
 from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.rate_loop import rate_loop
+from satid_gym.core.observation import Form
 from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policy import Kind, Mission
 
@@ -27,7 +28,7 @@ FORMAT = 1
 CONTROLS = ("rate", "torque")
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_HEAD = ("format", "name", "control", "margin", "include_covariance", "activation", "squashed", "sha256")
+_HEAD = ("format", "name", "control", "margin", "include_covariance", "observation", "activation", "squashed", "sha256")
 _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
 
@@ -105,10 +106,12 @@ class LearnedPolicy:
         margin: margin of the rate loop; see `RateLoop`.
         include_covariance: whether the network's observations include the filter's whole covariance.
         details: its training and scores; kept in the JSON file.
+        observation: form of the network's observations, "wheels" or "body".
 
     Raises:
-        ValueError: the control is unknown, the name has invalid characters, the margin is not a finite number of at
-            least 0, include_covariance is not a bool, or a network that commands rates has other than 3 outputs.
+        ValueError: control or observation is unknown, the name has invalid characters, the margin is not a finite
+            number of at least 0, include_covariance is not a bool, or a network that commands rates has other than 3
+            outputs.
     """
 
     kind: Kind = "learned"
@@ -121,9 +124,13 @@ class LearnedPolicy:
         margin: float,
         include_covariance: bool = False,
         details: Mapping[str, Any] | None = None,
+        observation: Form = "wheels",
     ) -> None:
         if control not in CONTROLS:
             raise unknown_name("control of a learned policy", control, CONTROLS)
+        if observation not in get_args(Form):
+            raise unknown_name("observation of a learned policy", observation, get_args(Form))
+        self.observation: Form = observation
         margin = check_number("margin of a learned policy", margin)
         if control == "rate" and network.weights[-1].shape[0] != 3:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
@@ -138,6 +145,11 @@ class LearnedPolicy:
         Raises:
             ValueError: the network was trained for another observation.
         """
+        if mission.observation != self.observation:
+            raise ValueError(
+                f'policy {self.name} observes "{self.observation}", this environment gives "{mission.observation}": '
+                f'give observation="{self.observation}"'
+            )
         size, expected = max(p.stop for p in mission.layout.values()), self.network.weights[0].shape[1]
         if size != expected:
             raise ValueError(
@@ -153,7 +165,8 @@ class LearnedPolicy:
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
-        self._loop, self._layout = rate_loop([mission], self.margin), mission.layout
+        self._loop = rate_loop([mission], self.margin) if self.control == "rate" else None
+        self._layout = mission.layout
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n).
@@ -163,7 +176,7 @@ class LearnedPolicy:
         """
         check_observation(observation, self._layout)
         command = self.network(observation)
-        if self.control == "torque":
+        if self._loop is None:
             return np.clip(command, -1.0, 1.0)
         return self._loop(observation, command)
 
@@ -171,7 +184,7 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        own = (self.name, self.control, self.margin, self.include_covariance)
+        own = (self.name, self.control, self.margin, self.include_covariance, self.observation)
         values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
@@ -207,7 +220,7 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            return cls(*own, details)
+            return cls(*own, details, head.get("observation", "wheels"))
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
 

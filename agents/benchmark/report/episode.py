@@ -14,9 +14,9 @@ from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.laws import InertiaLaw
 from satid_gym.metrics import relative_error
 from satid_gym.policy import Policy
-from satid_gym.problem import resolve_satellites
 from satid_gym.profiles import PROFILES
 from satid_gym.rendering.scene import box
+from satid_gym.resolution import resolve_satellites
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.selection import label

@@ -8,8 +8,9 @@ from __future__ import annotations
 from enum import IntEnum
 
 from satid_gym.core.algebra import load
-from satid_gym.core.belief import alignment, calibration, momentum_filter, momentum_start, rate_filter
+from satid_gym.core.belief import alignment, calibration, modes, momentum_filter, momentum_start, rate_filter
 from satid_gym.core.jit import inline
+from satid_gym.core.records import ObservationForm
 
 
 class FilterKind(IntEnum):
@@ -19,6 +20,7 @@ class FilterKind(IntEnum):
 
 
 _MOMENTUM = int(FilterKind.MOMENTUM)
+_BODY = int(ObservationForm.BODY)
 
 
 @inline
@@ -90,8 +92,18 @@ def momentum_and_torque(belief):
 
 @inline
 def state_scale(belief, task, i):
-    """Scale of state i, which is no inertia parameter: what the envelope allows, the prior for a torque."""
+    """Scale of state i, which is no inertia parameter: what the envelope allows, the prior for what it leaves open.
+
+    Errors and modes have the torque's in the form WHEELS, in which policies were published before there were any.
+    """
     p = belief.prior_theta.shape[0]
     if belief.kind == _MOMENTUM:
-        return belief.theta_scale[i] * task.rate_limit if i < 3 else belief.prior_torque_std
+        if i < 3:
+            return belief.theta_scale[i] * task.rate_limit
+        if i < 6 + p or task.observation != _BODY:
+            return belief.prior_torque_std
+        error = i - (belief.mean.shape[0] - belief.calibration.states)
+        if error >= 0:
+            return belief.calibration.prior_covariance[error, error] ** 0.5
+        return modes.state_scale(belief, task.rate_limit, i - belief.modes.first)
     return task.rate_limit if i < 3 else task.wheel_speed_max[i - 3 - p]

@@ -25,6 +25,7 @@ from satid_gym.core.algebra import (
     load,
     load_symmetric,
     multiply,
+    norm,
 )
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
@@ -131,6 +132,22 @@ def bent_rate(belief, i, eta, omega):
 def deflection_rate(belief, i, omega):
     """deta/dt of mode i."""
     return belief.mean[belief.modes.first + STATES * i + 1] - dot(load(belief.modes.d[i]), omega)
+
+
+@inline
+def rung_rate(belief, i, rate_limit):
+    """deta/dt that a step of the body rate by its limit, about the axis of d, rings of mode i, by nominal d."""
+    return norm(load(belief.modes.coupling[i])) * rate_limit
+
+
+@inline
+def state_scale(belief, rate_limit, k):
+    """Scale of the k-th state of the modes: what `rung_rate` is of eta and p; 1 of logarithms."""
+    i, state = k // STATES, k % STATES
+    if state > 1:
+        return 1.0
+    rung = rung_rate(belief, i, rate_limit)
+    return rung / belief.modes.frequency[i] if state == 0 else rung
 
 
 @outline
