@@ -1,4 +1,4 @@
-"""Resolution of what a user gave for a satellite, an inertia law or a scenario: a name, a file, module:name, a mapping."""
+"""Resolution of what a user gave for a satellite, a law or a scenario: a name, a file, module:name, a mapping."""
 
 from __future__ import annotations
 

@@ -143,6 +143,7 @@ def note_costs(task, report):
         report.cost = max(report.cost, costs[i])
 
 
+@inline
 def note_nis(task, nis):
     """Tally the NIS of an instant; 0 is that of one without an update."""
     if nis > 0.0:
