@@ -94,6 +94,7 @@ honest, and 0 where no reading was compared |
     | deflection | 1 | eta / (abs(d) rate limit / w) by nominal d and w: a step of the body rate by its limit, about \
 the axis of d, rings to 1, a reversal to 2 |
     | deflection_rate | 1 | deta/dt / (abs(d) rate limit) by nominal d |
+    | deflection_limit | 1 | what of deflection is the limit; 10 where it is larger, or there is none |
     | frequency | 1 | w / (2 pi) times the decision period: oscillations in a decision with the body held still |
     | frequency_std | 1 | log10(filter's std of log w) + 2; -10 where it is 0 |
     | coupling | 3 | d_i / sqrt(J_ii) by the belief: the square is the mode's share of axis i's inertia |

@@ -28,6 +28,7 @@ class Mode(Config):
         coupling_std: std of the logarithm of the coupling.
         frequency_std: std of the logarithm of the frequency.
         damping_std: std of the logarithm of the damping ratio.
+        deflection_limit: of eta, kg^(1/2) m; None: no limit.
         deflection_std: std of the first deflection eta, kg^(1/2) m; that of its rate is w times as large.
     """
 
@@ -40,6 +41,7 @@ class Mode(Config):
     frequency_std: float = 0.0
     damping_std: float = 0.0
     deflection_std: float = 0.0
+    deflection_limit: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,6 +91,7 @@ def mode_of(oscillator: Oscillator, total_mass: float | None) -> Mode:
         frequency_std=o.frequency_std,
         damping_std=o.damping_std,
         deflection_std=o.deflection_std * float(np.sqrt(moved)),
+        deflection_limit=None if o.deflection_limit is None else o.deflection_limit * float(np.sqrt(o.count * moved)),
     )
 
 

@@ -14,5 +14,6 @@ def write_modes(row: np.void, prior: FilterPrior, first: int) -> None:
         rate = 2.0 * np.pi * mode.frequency
         row["coupling"][i], row["frequency"][i], row["damping"][i] = mode.coupling, rate, mode.damping
         row["inertia_slope"][i], row["inertia_curvature"][i] = mode.inertia_slope, mode.inertia_curvature
+        row["limit"][i] = np.inf if mode.deflection_limit is None else mode.deflection_limit
         at_rest = mode.deflection_std, rate * mode.deflection_std
         row["std"][i] = *at_rest, mode.frequency_std, mode.coupling_std, mode.damping_std

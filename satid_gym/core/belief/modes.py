@@ -44,6 +44,7 @@ def modes_dtype(count: int) -> np.dtype:
             ("damping", FLOAT, count),  # nominal zeta
             ("inertia_slope", FLOAT, (count, 3, 3)),  # nominal D
             ("inertia_curvature", FLOAT, (count, 3, 3)),  # E
+            ("limit", FLOAT, count),  # of eta; infinite without one
             ("std", FLOAT, (count, STATES)),  # prior; of p that of deta/dt
             # d, w and zeta of the filter's mean
             ("d", FLOAT, (count, 3)),
