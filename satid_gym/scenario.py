@@ -242,7 +242,9 @@ SCENARIOS: dict[str, Scenario] = {
         ),
         Scenario(
             name="slosh",
-            appendages=Tank(share=(0.01, 0.04), frequency=(0.02, 0.1), damping=(0.02, 0.1), arm=(0.25, 0.5)),
+            appendages=Tank(
+                share=(0.01, 0.04), frequency=(0.02, 0.1), damping=(0.02, 0.1), deflection_limit=0.02, arm=(0.25, 0.5)
+            ),
         ),
     )
 }

@@ -36,6 +36,7 @@ class ShapedSquarePolicy:
         share: of the limit of deflection that is used.
         caution: standard deviations that the frequency is taken lower than it is estimated.
         dwell: time at full rate after a reversal, over the time that the reversal takes.
+        amplitude: of the rates, over what the envelope allows.
         margin: see `RateMargin`.
 
     Raises:
@@ -47,12 +48,19 @@ class ShapedSquarePolicy:
     observation = "body"
 
     def __init__(
-        self, period: float = 24.0, share: float = 0.8, caution: float = 1.0, dwell: float = 0.5, margin: float = 3.5
+        self,
+        period: float = 24.0,
+        share: float = 0.8,
+        caution: float = 1.0,
+        dwell: float = 0.5,
+        amplitude: float = 1.0,
+        margin: float = 3.5,
     ) -> None:
         self.period = check_number("period", period, strict=True)
         self.share = check_number("share", share, strict=True)
         self.caution = check_number("caution", caution)
         self.dwell = check_number("dwell", dwell)
+        self.amplitude = check_number("amplitude", amplitude, high=1.0, strict=True)
         self.margin = check_number("margin", margin)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
@@ -75,7 +83,7 @@ class ShapedSquarePolicy:
         modes = modes.reshape(len(observation), -1, sum(MODE_PARTS.values()))
         if self._nominal is None:
             self._nominal = 2.0 * np.pi * modes[:, :, _PLACES["frequency"]]
-        change = np.where(np.mod(self._phase, 1.0) < 0.5, 1.0, -1.0) - self._reference
+        change = self.amplitude * np.where(np.mod(self._phase, 1.0) < 0.5, 1.0, -1.0) - self._reference
         slowest = np.full(change.shape, np.inf)
         for m in range(modes.shape[1]):
             d = modes[:, m, _PLACES["coupling"] : _PLACES["coupling"] + 3]
@@ -85,7 +93,7 @@ class ShapedSquarePolicy:
             change += direction * (given - wanted)[:, None]
             slowest = np.minimum(slowest, most[:, None] / np.maximum(np.abs(direction), 1e-9))
         self._reference = np.clip(self._reference + change, -1.0, 1.0)
-        period = np.maximum(self.period / self._duration, 4.0 * (1.0 + self.dwell) / slowest)
+        period = np.maximum(self.period / self._duration, 4.0 * self.amplitude * (1.0 + self.dwell) / slowest)
         self._phase += 1.0 / period
         return self._allowed(observation, self._reference)
 
