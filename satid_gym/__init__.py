@@ -12,7 +12,8 @@ from satid_gym.onboard import Pilot
 from satid_gym.oscillators import Panel, SloshMass
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import SATELLITES, ReactionWheels, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.scenario import Scenario
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.sensors import Sensors
 from satid_gym.simulation import Trajectory, simulate
 from satid_gym.tolerances import Tolerances

@@ -24,7 +24,8 @@ import numpy as np
 from satid_gym.core import kernels
 from satid_gym.estimators import FilterpyMomentumEKF, MomentumEKF
 from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import SCENARIOS, prior_of
+from satid_gym.scenario import prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 _REPEATS = 5

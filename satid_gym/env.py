@@ -40,6 +40,11 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     `Box(-1, 1, (n,), float32)`: motor torque on each wheel as a fraction of its limit, held for a decision.
     The body feels the opposite. Values beyond are cut; NaN or another shape raise ValueError.
 
+    `control="rate"`: `Box(-1, 1, (3,), float32)`, the body rate to fly as a fraction of the rate limit, about each body
+    axis. A rate loop in the environment turns it into torque, sample by sample, on the filter's estimate of the
+    inertia. Its noise lies about the reference, so that an action of 1 is beyond the limit half of the time; `info`
+    and costs are the same.
+
     ## Observation space
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
     p = 3 moments of inertia; p = 6 where a satellite, the law or the scenario has products of inertia.
@@ -58,7 +63,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | control_authority | 3 | rate limits gained by a decision of full torque, by prior inertia |
     | momentum_fraction | 3 | share of the wheels' momentum that turning at the rate limit takes, by prior inertia |
     | coast_rate_change | 3 | rate limits that the body is about to gain in a decision without command, by the belief |
-    | command | n | previous action |
+    | command | n | previous action; 3 under control="rate" |
     | time_left | 1 | fraction of the horizon |
     | state_uncertainty | s - p | log10(filter's std / scale) + 2 of the other states; scale: prior moment times rate \
 limit for momentum, prior std for torque, limits for rate and wheel speeds; -10 where it is 0 |
@@ -104,7 +109,7 @@ the axis of d, rings to 1, a reversal to 2 |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
-    - envelope_weight excess - saturation_weight saturated - effort_weight effort
+    - envelope_weight excess - saturation_weight saturated - deflection_weight bent - effort_weight effort
 
     | term | default weight | meaning |
     |---|---|---|
@@ -115,7 +120,8 @@ covariance of the inertia parameters, in nats; never negative, but where the Ada
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
 over the rate limit, less 1, where positive |
     | saturated | 1 | share of the wheels that were at their speed limit in the decision |
-    | effort | 0 | mean square of the action, 0 to 1 |
+    | bent | 10 | largest deflection that the filter estimates in the decision over its limit, less 1, where positive |
+    | effort | 0 | mean square of the torque over its limit, 0 to 1 |
 
     `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` makes what is gained the
     change over the decision instead of the sum; see `RewardSettings`. No term sees the truth.
@@ -128,8 +134,8 @@ over the rate limit, less 1, where positive |
     Inertia law drawn from the paper's four modes with random size and timing.
 
     ## Episode end
-    Terminated when a true body rate exceeds three times the rate limit. Truncated after 300 decisions, by the
-    environment itself.
+    Terminated when a true body rate exceeds three times the rate limit, or a deflection four times its limit.
+    Truncated after 300 decisions, by the environment itself.
 
     ## Information
     Truth appears here and only here, for evaluation.
@@ -143,8 +149,11 @@ over the rate limit, less 1, where positive |
     | nis | normalised innovation squared of the last update, per degree of freedom |
     | information_gain, information_held | nats of this decision, and since before launch |
     | outside | share of the decision's samples with a true rate outside the limit |
-    | cost | the larger of `outside` and the share of wheels that were at their speed limit (as in Safety-Gymnasium) |
-    | effort | mean square of the action |
+    | costs | each from 0 to 1, by name: "rate": `outside`; "saturation": share of the wheels that were at their speed \
+limit; "deflection": share of the samples with a panel or a slosh mass beyond its limit; "avoided_band": \
+`in_avoided_band` |
+    | cost | the largest of them (as in Safety-Gymnasium) |
+    | effort | mean square of the torque over its limit |
     | in_avoided_band | share of the decision's samples with a wheel's speed in the band that operators avoid |
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque less friction, N m |
@@ -161,8 +170,8 @@ over the rate limit, less 1, where positive |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "random", a `Satellite`, or a list to draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
-    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "paper", "faults", \
-or a `Scenario` |
+    | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
+(a tank), "paper", or a `Scenario` |
     | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
@@ -171,6 +180,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
     | include_covariance | False | whether the filter's whole covariance is observed |
+    | control | "torque" | what an action is: "torque" of each wheel, or the body "rate" that the rate loop flies |
     | observation | "wheels" | "wheels" one by one, or "body": what they do to the body, NIS and modes |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.

@@ -9,7 +9,8 @@ from satid_gym import sources
 from satid_gym.config import unknown_name
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.scenario import Scenario
+from satid_gym.scenario_catalogue import SCENARIOS
 
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
 InertiaLike = str | InertiaLaw | Mapping[str, Any]

@@ -16,6 +16,7 @@ NUMBERS = (
     "envelope_weight",
     "envelope_margin",
     "saturation_weight",
+    "deflection_weight",
     "effort_weight",
 )
 
@@ -25,7 +26,7 @@ class RewardSettings(Config):
     """Weights of the reward.
 
     gain_scale gained + held_scale (held - held_reference)
-    - envelope_weight excess - saturation_weight saturated - effort_weight effort
+    - envelope_weight excess - saturation_weight saturated - deflection_weight bent - effort_weight effort
 
     Attributes:
         criterion: what counts as information on theta, in nats: "logdet" (D-optimality), "trace" (A),
@@ -41,6 +42,8 @@ class RewardSettings(Config):
         envelope_margin: fraction of the rate limit at which the penalty begins. Below 1 it is paid inside the envelope
             too, and the reward no longer ranks policies as their errors do.
         saturation_weight: penalty for the share of the wheels that were at their speed limit in the decision.
+        deflection_weight: penalty for a unit of the largest deflection that the filter estimates in the decision, over
+            its limit, less 1, where positive.
         effort_weight: penalty for the mean square of the action.
 
     Raises:
@@ -55,6 +58,7 @@ class RewardSettings(Config):
     envelope_weight: float = 10.0
     envelope_margin: float = 1.0
     saturation_weight: float = 1.0
+    deflection_weight: float = 10.0
     effort_weight: float = 0.0
 
     def __post_init__(self) -> None:

@@ -6,20 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from satid_gym.appendages import Appendages, Panels, Tank, appendages_of
+from satid_gym.appendages import Appendages, appendages_of
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import Parameters
-from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import GYRO_STD_MIN, FilterPrior
-from satid_gym.estimators.rate import RateEKFSettings
 from satid_gym.estimators.registry import estimator_settings
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.expectation import agitation, disturbance_walk, nutation
 from satid_gym.faults import Faults
 from satid_gym.friction import WheelFriction, friction_of
-from satid_gym.law_ranges import PAPER_LAWS, LawRanges
+from satid_gym.law_ranges import LawRanges
 from satid_gym.satellite import Satellite
 from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
@@ -196,58 +192,6 @@ def _whole(name: str, ratio: float, most: int) -> None:
         raise ValueError(f"{name} must be at most {most}, got {ratio:g}")
     if abs(ratio - round(ratio)) > 1e-9 * ratio or round(ratio) < 1:
         raise ValueError(f"{name} must be an integer, got {ratio:g}")
-
-
-SCENARIOS: dict[str, Scenario] = {
-    scenario.name: scenario
-    for scenario in (
-        Scenario(),
-        Scenario(name="tight", wheel_speed_scale=0.1),
-        Scenario(
-            name="paper",
-            sample_period=1.0,
-            inertia_std=0.0,
-            prior_scale={"cubesat": 0.80, "*": 0.85},
-            laws=PAPER_LAWS,
-            wheel_speed_range=0.0,
-            initial_rate_std=0.0,
-            torque_lag=0.1,
-            gyro_noise_std=1e-6,
-            tachometer_noise_std=0.0,
-            disturbance_scale=0.0,
-            gravity_gradient=False,
-            random_attitude=False,
-            rate_limit=0.5,
-            estimator=RateEKFSettings(),
-        ),
-        Scenario(
-            name="faults",
-            gyro_bias_walk=1e-6,
-            estimator=MomentumEKFSettings(adaptive=True, gate=1e-6),
-            faults=Faults(
-                gyro_dropout=0.5,
-                gyro_dropout_silent=0.5,
-                gyro_outlier=0.005,
-                gyro_bias_std=2e-5,
-                tachometer_stuck=0.5,
-                wheel_loss=0.3,
-                torque_delay=(0, 3),
-            ),
-        ),
-        Scenario(
-            name="flex",
-            appendages=Panels(
-                share=(0.02, 0.25), frequency=(0.1, 1.0), damping=(0.001, 0.01), deflection_limit=float(np.radians(0.5))
-            ),
-        ),
-        Scenario(
-            name="slosh",
-            appendages=Tank(
-                share=(0.01, 0.04), frequency=(0.02, 0.1), damping=(0.02, 0.1), deflection_limit=0.02, arm=(0.25, 0.5)
-            ),
-        ),
-    )
-}
 
 
 def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | None = None) -> FilterPrior:

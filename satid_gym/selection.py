@@ -14,7 +14,8 @@ from satid_gym.config import check_names
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
 from satid_gym.resolution import resolve_inertia, resolve_satellites, resolve_scenario
 from satid_gym.satellite import SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.scenario import Scenario
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.sources import SOURCE_HINT, is_source
 
 _VALID_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")

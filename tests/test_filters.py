@@ -23,7 +23,8 @@ from satid_gym.estimators import (
 from satid_gym.estimators.filterpy.model import MomentumModel
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.scenario import SCENARIOS, prior_of
+from satid_gym.scenario import prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
 DT = 0.1

@@ -29,7 +29,8 @@ from satid_gym.policies.registry import build
 from satid_gym.policies.shipped import find
 from satid_gym.policy import missions
 from satid_gym.problem import problem
-from satid_gym.scenario import SCENARIOS, prior_of
+from satid_gym.scenario import prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
 RATE_SQUARE = {"period": 24.0, "margin": 2.75}

@@ -10,7 +10,8 @@ from satid_gym.core import kernels
 from satid_gym.core.records import Criterion
 from satid_gym.estimators import MomentumEKF
 from satid_gym.reward import RewardSettings
-from satid_gym.scenario import SCENARIOS, prior_of
+from satid_gym.scenario import prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
 LOG2 = np.log(2.0)

@@ -10,7 +10,8 @@ from scipy.stats import chi2
 
 from satid_gym import ReactionWheels, simulate
 from satid_gym.estimators import FilterPrior, FilterpyMomentumEKF, MomentumEKF
-from satid_gym.scenario import SCENARIOS, prior_of
+from satid_gym.scenario import prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
 DT, GATE = 0.1, 1e-6

@@ -29,7 +29,8 @@ from satid_gym.metrics import final_error
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
-from satid_gym.scenario import SCENARIOS, prior_of
+from satid_gym.scenario import prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
 SECOND = round(1.0 / DT)

@@ -31,7 +31,7 @@ from satid_gym.policies.registry import PLANNERS, build
 from satid_gym.policies.shipped import find, names
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario_catalogue import SCENARIOS
 
 Record = Mapping[str, Any]
 Claim = tuple[str, str, bool]  # what is asked, what was found, whether it holds

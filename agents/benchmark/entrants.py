@@ -21,7 +21,8 @@ from satid_gym.policies.shipped import find, names
 from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.scenario import Scenario
+from satid_gym.scenario_catalogue import SCENARIOS
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

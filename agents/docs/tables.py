@@ -38,7 +38,8 @@ from satid_gym.files import read_json, write_text
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.scenario import Scenario
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.sensors import Sensors
 from satid_gym.tolerances import Tolerances
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario_catalogue import SCENARIOS
 
 _NAMES = "|".join(SCENARIOS)
 

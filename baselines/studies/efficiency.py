@@ -34,7 +34,8 @@ from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import FINAL_FRACTION, bootstrap, relative_error
 from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
-from satid_gym.scenario import SCENARIOS, Scenario, prior_of
+from satid_gym.scenario import Scenario, prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 
 LAW_KNOWN = MomentumEKFSettings(inertia_walk=0.0)
 EXCITING = (

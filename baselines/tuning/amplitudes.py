@@ -30,7 +30,8 @@ from satid_gym.policies.grids import Settings
 from satid_gym.policies.registry import BASELINES, TUNED, build
 from satid_gym.resolution import ScenarioLike, resolve_scenario
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario
+from satid_gym.scenario import Scenario
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.selection import select_satellites, select_scenarios
 
 HOPELESS = 0.1  # beyond this share of the time more amplitude is not tried: it only leads further out

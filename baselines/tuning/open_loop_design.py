@@ -27,7 +27,8 @@ from satid_gym.files import check_writable, write_json
 from satid_gym.policies.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
 from satid_gym.resolution import ScenarioLike
 from satid_gym.satellite import BENCHMARK_SATELLITES, Satellite
-from satid_gym.scenario import SCENARIOS, Scenario, prior_of
+from satid_gym.scenario import Scenario, prior_of
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.selection import select_satellites, select_scenarios
 
 FRACTIONS = [0.05, 0.065, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]  # of the rate limit

@@ -12,7 +12,7 @@ import numpy as np
 
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.files import replacing
-from satid_gym.onboard.pilot import policy_by_name
+from satid_gym.onboard.choice import policy_by_name
 from satid_gym.policies import LearnedPolicy
 from satid_gym.policy import missions, observation_settings
 

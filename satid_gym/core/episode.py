@@ -7,28 +7,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy_symmetric, frobenius_square, mahalanobis, store_symmetric
 from satid_gym.core.belief import announcement, filters
-from satid_gym.core.belief.kalman import estimated_inertia, factor_theta
 from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.log import log_sample
 from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
-from satid_gym.core.records import Autoreset, Cost
-from satid_gym.core.reward import reward, saturated_share, uncertainty_nats
+from satid_gym.core.records import Autoreset
+from satid_gym.core.report import assess, note_costs, note_nis, note_rate
+from satid_gym.core.reward import reward, uncertainty_nats
 from satid_gym.core.truth import faults
 from satid_gym.core.truth.draw import draw_plant
 from satid_gym.core.truth.dynamics import spin_momentum
-from satid_gym.core.truth.inertia_law import announced_share, inertia_at, is_released, moves_mass
+from satid_gym.core.truth.inertia_law import announced_share, is_released, moves_mass
 from satid_gym.core.truth.integrator import advance
 from satid_gym.core.truth.random_walk import walk_as_modelled, walk_gyro_bias
 from satid_gym.core.truth.sampling import advance_sampled
 from satid_gym.core.truth.sensors import drive_motors, read_sensors
 from satid_gym.core.truth.speed_limit import is_in_avoided_band
 
-_RATE, _SATURATION = int(Cost.RATE), int(Cost.SATURATION)
-_DEFLECTION, _AVOIDED_BAND = int(Cost.DEFLECTION), int(Cost.AVOIDED_BAND)
 _NEXT_STEP, _SAME_STEP, _BEGIN = int(Autoreset.NEXT_STEP), int(Autoreset.SAME_STEP), int(Autoreset.BEGIN)
 
 
@@ -48,7 +45,7 @@ def command(plant, task, work, report, action):
     for k in range(work.torque.shape[0]):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
-    report.outside = report.in_avoided_band = report.bent = 0.0
+    report.outside = report.in_avoided_band = report.bent = report.peak_bend = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):
@@ -122,53 +119,6 @@ def take_reading(plant, belief, work):
     if belief.gate.threshold == 0.0:
         belief.coasting = 0
     return filters.condition(belief, work, plant.gyro, plant.tachometer)
-
-
-@inline
-def note_rate(plant, belief, report):
-    """Tally the rate of this instant, as the filter uses it: the envelope's penalty is computed from it."""
-    rate = filters.rate_used(belief, plant.gyro)
-    for i in range(3):
-        report.peak_rate[i] = max(report.peak_rate[i], abs(rate[i]))
-
-
-@inline
-def note_costs(task, report):
-    """Write the decision's costs, and the largest of them."""
-    costs = report.costs
-    costs[_RATE], costs[_SATURATION] = report.outside, saturated_share(report)
-    costs[_DEFLECTION], costs[_AVOIDED_BAND] = report.bent / task.samples, report.in_avoided_band
-    report.cost = 0.0
-    for i in range(costs.shape[0]):
-        report.cost = max(report.cost, costs[i])
-
-
-@inline
-def note_nis(task, nis):
-    """Tally the NIS of an instant; 0 is that of one without an update."""
-    if nis > 0.0:
-        task.nis_sum += nis
-        task.nis_count += 1
-
-
-@outline
-def assess(plant, belief, work, report):
-    """Compare the estimate with the truth: for info and evaluation, never for reward or observation."""
-    p = belief.prior_theta.shape[0]
-    truth, estimate = inertia_at(plant, plant.time), estimated_inertia(belief)
-    store_symmetric(report.inertia_true, truth)
-    store_symmetric(report.inertia_estimate, estimate)
-    error = frobenius_square(axpy_symmetric(-1.0, truth, estimate))
-    report.relative_error = np.sqrt(error / frobenius_square(truth))
-    for k in range(p):
-        work.theta[k] = belief.mean[3 + k] - truth[k]
-    if factor_theta(belief, work) > 0.0:
-        report.nees = mahalanobis(work.block, work.theta, p) / p
-    else:
-        belief.broken = 1
-        report.nees = np.nan
-    report.constrained_updates, report.rejected = belief.constrained_updates, belief.rejected
-    report.time = plant.time
 
 
 @outline

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core import episode, reward
+from satid_gym.core import episode, report, reward
 from satid_gym.core.algebra import store_symmetric
 from satid_gym.core.belief import filters
 from satid_gym.core.jit import kernel
+from satid_gym.core.observation import observe
 from satid_gym.core.truth.dynamics import set_momenta, set_speeds, spin_momentum
 from satid_gym.core.truth.inertia_law import inertia_at
 from satid_gym.core.truth.integrator import integrate
@@ -122,8 +123,8 @@ def announce(rows, beliefs):
 @kernel
 def note_update(rows):
     """Tally rate and NIS after a sample's update."""
-    episode.note_rate(rows.plants[0], rows.beliefs[0], rows.reports[0])
-    episode.note_nis(rows.tasks[0], rows.reports[0].nis)
+    report.note_rate(rows.plants[0], rows.beliefs[0], rows.reports[0])
+    report.note_nis(rows.tasks[0], rows.reports[0].nis)
 
 
 @kernel
@@ -135,13 +136,13 @@ def uncertainty_nats(beliefs, work, criterion):
 @kernel
 def conclude(rows, work):
     """Last part of a decision."""
-    plant, belief, task, report = rows.plants[0], rows.beliefs[0], rows.tasks[0], rows.reports[0]
-    episode.conclude(plant, belief, task, work[0], report, rows.observations[0])
+    plant, belief, task = rows.plants[0], rows.beliefs[0], rows.tasks[0]
+    episode.conclude(plant, belief, task, work[0], rows.reports[0], rows.observations[0])
 
 
 @kernel
 def look(rows, work):
     """Assessment and observation of the present belief."""
     plant, belief = rows.plants[0], rows.beliefs[0]
-    episode.assess(plant, belief, work[0], rows.reports[0])
-    episode.observe(belief, rows.tasks[0], plant.gyro, plant.tachometer, rows.observations[0])
+    report.assess(plant, belief, work[0], rows.reports[0])
+    observe(belief, rows.tasks[0], plant.gyro, plant.tachometer, rows.observations[0])

@@ -129,6 +129,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             # tallies of the decision under way
             ("bent", FLOAT),  # samples with an oscillator beyond its limit
             ("peak_rate", FLOAT, 3),  # largest |rate| that the filter uses
+            ("peak_bend", FLOAT),  # largest deflection that it estimates, over its limit
             ("spin_start", FLOAT, n),
         ],
         align=True,

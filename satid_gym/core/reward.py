@@ -71,5 +71,6 @@ def reward(task, report):
         + task.held_scale * (report.information_held - task.held_reference)
         - task.envelope_weight * envelope_excess(task, report)
         - task.saturation_weight * saturated_share(report)
+        - task.deflection_weight * max(0.0, report.peak_bend - 1.0)
         - task.effort_weight * report.effort
     )

@@ -43,6 +43,7 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("envelope_margin", FLOAT),
             ("envelope_weight", FLOAT),
             ("saturation_weight", FLOAT),
+            ("deflection_weight", FLOAT),
             ("effort_weight", FLOAT),
             ("observation", INT),  # an ObservationForm
             ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected

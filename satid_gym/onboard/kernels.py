@@ -15,6 +15,7 @@ from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import kernel
 from satid_gym.core.observation import observe
 from satid_gym.core.records import FLOAT, INT
+from satid_gym.core.report import note_nis
 
 
 @functools.cache
@@ -41,6 +42,6 @@ def take(readings, beliefs, tasks, work, dt, observations):
     """Belief and observation after readings dt seconds later; normalised innovation squared per degree of freedom."""
     filters.predict(beliefs[0], work[0], readings[0].tachometer, dt)
     nis = episode.take_reading(readings[0], beliefs[0], work[0])
-    episode.note_nis(tasks[0], nis)
+    note_nis(tasks[0], nis)
     observe(beliefs[0], tasks[0], readings[0].gyro, readings[0].tachometer, observations[0])
     return nis

@@ -14,10 +14,10 @@ from satid_gym.estimators.records import new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
+from satid_gym.onboard.choice import policy_by_name
 from satid_gym.onboard.gap import widen
 from satid_gym.onboard.readings import gyro_reading, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status
-from satid_gym.policies import BASELINES, find, make_baseline, names
 from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.problem import problem
 from satid_gym.resolution import SatelliteLike, ScenarioLike
@@ -252,12 +252,3 @@ class Pilot:
         else:
             self._torque = fraction * task["torque_max"]
         self._work["torque"][0] = self._torque
-
-
-def policy_by_name(name: str, satellite: str, scenario: str) -> Policy:
-    """Policy by name or path.
-
-    Raises:
-        ValueError: there is none, or a baseline is not tuned for the satellite.
-    """
-    return make_baseline(name, satellite, scenario) if name in BASELINES and name not in names() else find(name)

@@ -5,8 +5,8 @@ present deflection and rate give,
 
     A^2 = (eta - eta_0)^2 + (deta/dt / w)^2.
 
-So the rate along d changes in a decision as far as it should, but so that A + |eta_0|, the deflection that then follows,
-stays within a share of its limit; where it rings beyond that already, so that the decision damps it most. w is
+So the rate along d changes in a decision as far as it should, but so that A + |eta_0|, the deflection that then
+follows, stays within a share of its limit; where it rings beyond that already, so that the decision damps it most. w is
 the filter's estimate less some of its standard deviations, for a mode that is slower bends further. Where reversals
 then take long, the periods are as long as they need.
 """

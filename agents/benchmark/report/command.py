@@ -10,7 +10,7 @@ from agents.benchmark.results import file_names
 from baselines.command import cli
 from baselines.command.options import ScenarioName
 from satid_gym.config import unknown_name
-from satid_gym.scenario import SCENARIOS
+from satid_gym.scenario_catalogue import SCENARIOS
 
 
 @dataclass(frozen=True, kw_only=True)

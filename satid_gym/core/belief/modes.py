@@ -136,6 +136,15 @@ def deflection_rate(belief, i, omega):
 
 
 @inline
+def bend(belief):
+    """Largest estimated deflection of the modes over its limit; 0 without any."""
+    largest = 0.0
+    for i in range(belief.modes.coupling.shape[0]):
+        largest = max(largest, abs(belief.mean[belief.modes.first + STATES * i]) / belief.modes.limit[i])
+    return largest
+
+
+@inline
 def rung_rate(belief, i, rate_limit):
     """deta/dt that a step of the body rate by its limit, about the axis of d, rings of mode i, by nominal d."""
     return norm(load(belief.modes.coupling[i])) * rate_limit

@@ -1,4 +1,4 @@
-"""Rate loops in the world as flown: `python -m baselines.studies.rate_loops`.
+"""Rate loops in the world as flown: `python -m baselines.scenarios.rate_loops`.
 
 Flies `rate_square` through both loops, the deadbeat law that a policy runs once a decision (control "torque") and the
 tracking loop of the environment (control "rate"), and prints the share of the time outside the envelope, the final
@@ -151,7 +151,7 @@ def main(study: RateLoopStudy) -> int:
     ]
     rows = [cell(study, *own) for own in tqdm(chosen, desc="rate loops", unit="cell")]
     head = result_head(
-        "baselines.studies.rate_loops", study, split="validation", seeds=seeds("validation", study.episodes)
+        "baselines.scenarios.rate_loops", study, split="validation", seeds=seeds("validation", study.episodes)
     )
     write_json(study.output, {**head, "cells": rows})
     show(rows)

@@ -1,0 +1,84 @@
+"""Rivals in a gate: the policies, the settings that are tried of each, and the rule that chooses among them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from baselines.scenarios.flights import Cell, flown
+from satid_gym.evaluation import seeds
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
+from satid_gym.policies.scripted import ScriptedPolicy
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.policy import Policy
+from satid_gym.profiles import PROFILES
+from satid_gym.scenario_catalogue import SCENARIOS
+
+Trial = tuple[dict[str, float], Policy]
+AMPLITUDES = np.geomspace(0.01, 0.95, 12).round(3).tolist()  # of the rate limit
+PERIODS = (12.0, 24.0, 48.0, 96.0, 192.0)  # s
+SHAPES = [
+    {"period": period, "share": share, "dwell": dwell, "amplitude": amplitude}
+    for period in (12.0, 24.0, 48.0)
+    for share in (0.2, 0.35, 0.5, 0.65, 0.8)
+    for dwell in (0.0, 1.0)
+    for amplitude in (0.5, 0.7, 1.0)
+]
+
+
+def rivals(scenario: str) -> dict[str, list[Trial]]:
+    """Settings to try of each policy, by its name."""
+    loud: dict[str, list[Trial]] = {
+        name: [({"amplitude": a}, ScriptedPolicy(name, profile, a)) for a in AMPLITUDES]
+        for name, profile in PROFILES.items()
+    }
+    squares = [
+        ({"period": period, "amplitude": a}, Quieter(RateSquarePolicy(period, 3.5), a))
+        for period in PERIODS
+        for a in AMPLITUDES
+    ]
+    shaped = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    return {
+        "zero": [({}, ZeroPolicy())],
+        "random": [({}, RandomPolicy())],
+        **loud,
+        "rate_square": squares,
+        **({"shaped_square": shaped} if _has_limit(scenario) else {}),
+    }
+
+
+def _has_limit(scenario: str) -> bool:
+    appendages = SCENARIOS[scenario].appendages
+    return appendages is not None and appendages.deflection_limit is not None
+
+
+class Quieter:
+    """A policy whose actions are taken by a factor."""
+
+    def __init__(self, policy: Policy, factor: float) -> None:
+        self.name, self.kind = policy.name, policy.kind
+        self._policy, self._factor = policy, factor
+
+    def reset(self, mission: Any, seeds: Sequence[int]) -> None:
+        """Prepare the policy."""
+        self._policy.reset(mission, seeds)
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Its action, times the factor."""
+        return self._factor * self._policy(observation)
+
+
+def choose(cell: Cell, trials: Sequence[Trial], limit: float, episodes: int) -> Trial:
+    """Settings with the least expected error on tuning seeds, no cost beyond the limit; else those that cost least."""
+    if len(trials) == 1:
+        return trials[0]
+    judged: list[tuple[bool, float, int]] = []
+    for i, (_, policy) in enumerate(trials):
+        flight = flown(cell, policy, seeds("tuning", episodes))
+        cost = float(flight.costs.mean(axis=0).max())
+        outside = cost > limit
+        judged.append((outside, cost if outside else float(flight.expected.mean()), i))
+    return trials[min(judged)[2]]
