@@ -17,12 +17,16 @@ from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
 from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
 CHANCE = st.randoms(use_true_random=False)
-GROUPS = [Group(wheels=3, parameters="principal", estimator=name) for name in ("adaptive", "momentum", "rate")]
+FLOWN = [
+    *(("nominal", name) for name in ("adaptive", "momentum", "rate")),
+    *((sheet, "adaptive") for sheet in ("tolerances", "timed", "counted", "flexible")),
+]
+GROUPS = [Group(wheels=3, parameters="principal", estimator=name, sheet=sheet) for sheet, name in FLOWN]
 
 
 @pytest.mark.slow
 @cases("group", GROUPS)
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(chance=CHANCE)
 def test_a_valid_configuration_keeps_every_promise(group, chance):
     configuration = draw_configuration(chance, group)
@@ -56,9 +60,9 @@ def test_a_refused_action_changes_nothing(seed):
 @pytest.mark.slow
 def test_most_configurations_are_flown_and_a_seed_draws_the_same_again():
     """What cannot be drawn, or breaks the filter down and says so, is the exception."""
-    fuzz = Fuzz(configurations=40, wheels=(3,))
+    fuzz = Fuzz(configurations=40, wheels=(3,), sheets=("nominal", "tolerances"))
     flown = 0
-    for index in range(20):  # of the first two groups, which are compiled anyway
+    for index in range(20):  # of the first four groups, which are compiled anyway
         try:
             fly(fuzz.draw(index)[0], decisions=5)
             flown += 1
