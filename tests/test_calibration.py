@@ -8,6 +8,7 @@ import pytest
 from baselines.studies.consistency import ConsistencyStudy
 from baselines.studies.consistency import main as consistency_main
 from baselines.studies.recording import record
+from baselines.studies.worlds import WORLDS
 from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import (
     AdaptiveEKF,
@@ -320,7 +321,7 @@ def test_the_smoother_refuses_what_it_does_not_smooth(flown):
 
 def test_the_study_of_consistency_writes_what_it_flew(tmp_path, capsys):
     study = ConsistencyStudy(
-        worlds=("gyro bias 1e-4 rad/s",),
+        worlds=("all small errors",),
         policies=("zero",),
         satellites=("cubesat",),
         inertias=("static",),
@@ -334,7 +335,7 @@ def test_the_study_of_consistency_writes_what_it_flew(tmp_path, capsys):
         satellite="cubesat",
         inertia="static",
         seeds=seeds("validation", 3),
-        scenario=world({"gyro_bias": 1e-4}),
+        scenario=WORLDS["all small errors"].scenario,
     ).scores()
     assert cell["nees"] == pytest.approx(scores["nees"].mean(), rel=1e-12)
     assert cell["final_error"] == pytest.approx(scores["final_error"].mean(), rel=1e-12)

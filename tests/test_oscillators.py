@@ -77,8 +77,8 @@ def test_small_motion_about_one_axis_is_that_of_two_coupled_bodies():
 
 
 def test_momentum_in_inertial_space_is_kept():
-    """Motors, a wheel at its limit and bending panels are all inside."""
-    body = satellite(PANELS, TANK, wheels=SATELLITES["microsat"].wheels.replace(max_speed=60.0))
+    """Motors, a wheel at its limit, a bending boom and a slosh mass are all inside."""
+    body = satellite(flexible.BOOM, TANK, wheels=SATELLITES["microsat"].wheels.replace(max_speed=60.0))
     torque = 0.1 * np.sign(np.sin(np.arange(600)[:, None] * 0.05 + np.arange(3)))
     flown = simulate(body, torque, 0.1, omega0=[0.02, 0.0, -0.01])
     assert np.abs(flown.wheel_speed).max() == pytest.approx(60.0, rel=1e-9)
