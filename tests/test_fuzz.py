@@ -9,7 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from satid_gym import SATELLITES, InertiaLaw, SatInertiaIDEnv
+from satid_gym import SATELLITES, InertiaLaw, SatInertiaIDEnv, Scenario
+from satid_gym.estimators.alignment import noise_covariance
+from satid_gym.scenario import prior_of
 from tests.cases import cases
 from tests.qa.fuzz.__main__ import Fuzz
 from tests.qa.fuzz.configuration import Group, draw_configuration
@@ -113,3 +115,27 @@ def test_a_drift_stops_at_its_full_size():
     env.reset(seed=0)
     shares = [env.step(np.zeros(3))[4]["inertia_true"][0, 0] / 6.53 for _ in range(100)]
     np.testing.assert_allclose(shares, 1.0 - 0.4 * np.minimum(np.arange(1, 101) / 25.0, 1.0), rtol=1e-12)
+
+
+def test_the_covariance_of_six_parameters_is_symmetric_to_the_last_bit():
+    """Process noise in the direction of theta was rounded otherwise above the diagonal than below."""
+    env = SatInertiaIDEnv("microsat", "drift", estimator={"name": "adaptive", "parameters": "full"})
+    env.reset(seed=0)
+    for i in range(60):
+        env.step(np.full(3, 0.2 if i // 6 % 2 else -0.2, np.float32))
+    belief = env.fleet.rows.beliefs[0]
+    np.testing.assert_array_equal(belief["covariance"], belief["covariance"].T)
+    slope = belief["adaptation"]["covariance_slope"]
+    np.testing.assert_array_equal(slope, slope.T)
+
+
+def test_the_noise_of_encoders_on_skewed_axes_is_symmetric_to_the_last_bit():
+    """A matrix product need not be."""
+    for seed in range(20):
+        axes = np.random.default_rng(seed).normal(size=(3, 4))
+        wheels = SATELLITES["microsat"].wheels.replace(
+            axes=axes / np.linalg.norm(axes, axis=0), inertia=2e-3, max_torque=0.1, max_speed=900.0
+        )
+        satellite = SATELLITES["microsat"].replace(wheels=wheels)
+        noise = noise_covariance(prior_of(satellite, Scenario(sensors={"encoder_pulses": 24})))
+        np.testing.assert_array_equal(noise, noise.T)
