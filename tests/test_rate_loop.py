@@ -115,7 +115,7 @@ def test_no_policy_that_commands_rates_leaves_the_envelope(kind, policy, microsa
     settings = {"rate_square": {"period": 24.0, "margin": 2.75}, "mpc": {}}
     pilot = find(policy) if policy == "generalist" else build(policy, settings[policy])
     count = 6 if policy == "mpc" else 24
-    parameters = "principal" if kind == "tilted wheels" else "full"
+    parameters = "full" if "full" in kind else "principal"
     scores = fly(
         pilot,
         satellite=constants(kind, microsat),
