@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
+# a file to a process, so that no two compile the same kernels or make the same fixture; tests/conftest.py has the order
+PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
 STAMP := $(VENV)/.installed
 
 .PHONY: setup compare compare-all test test-slow test-basilisk coverage mutation lint format train benchmark docs dist clean
@@ -23,15 +25,16 @@ compare-all: setup  ## the same with the planners, which take four fifths of the
 	$(RUN) -m agents.compare --all
 
 test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
-	$(RUN) -m pytest --numprocesses auto -m "not slow and not basilisk"
+	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk"
 
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
-	$(RUN) -m pytest --numprocesses auto -m slow
+	$(RUN) -m pytest $(PARALLEL) -m slow
 
 test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (its matplotlib is older)
 	test -x .venv-basilisk/bin/python || $(PYTHON) -m venv .venv-basilisk
-	.venv-basilisk/bin/python -m pip install --quiet --editable ".[basilisk]"
-	.venv-basilisk/bin/python -m pytest --numprocesses auto tests/test_basilisk.py
+	grep -v "^matplotlib=" constraints.txt > .venv-basilisk/constraints.txt
+	.venv-basilisk/bin/python -m pip install --quiet --constraint .venv-basilisk/constraints.txt --editable ".[basilisk]"
+	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
 
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
 	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov

@@ -30,8 +30,13 @@ if config.DISABLE_JIT:  # tests of baselines, agents and of the commands beside 
     ]
 
 
+# files that compile the most go first, in an order in which two that need the same kernels are not begun side by side
+FIRST = [f"test_{name}.py" for name in ("modes", "timing", "calibration", "dynamics", "oscillators", "filters")]
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Without the compiler the core is some hundred times slower: leave out what is long even with it."""
+    """Order the files; without the compiler, some hundred times slower, leave out what is long even with it."""
+    items.sort(key=lambda item: FIRST.index(item.path.name) if item.path.name in FIRST else len(FIRST))
     if config.DISABLE_JIT:
         skip = pytest.mark.skip(reason="takes minutes without the compiler")
         for item in items:

@@ -411,7 +411,16 @@ FLIGHTS = {
 }
 
 
-@pytest.mark.parametrize("case", FLIGHTS)
+def kernels_of(case: str) -> str:
+    """Size of the filter of a row: rows of one size share compiled kernels, so one process flies them all."""
+    sheet = {name: value for name, value in FLIGHTS[case].items() if name != "coulomb"}
+    satellite, filter = SATELLITES["microsat"].replace(**sheet), AdaptiveEKF().settings
+    return f"{filter.other_states(satellite)} {filter.mode_count(satellite)} {satellite.sensors.lines}"
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.xdist_group(kernels_of(case))) for case in FLIGHTS]
+)
 def test_the_filter_is_consistent_on_basilisks_truth(case):
     """Mean of 20 flights; each has 3 degrees of freedom, of which neighbours in time tell nearly the same."""
     pytest.importorskip("Basilisk")

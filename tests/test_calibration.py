@@ -8,6 +8,7 @@ import pytest
 from baselines.studies.consistency import ConsistencyStudy
 from baselines.studies.consistency import main as consistency_main
 from baselines.studies.recording import record
+from baselines.studies.worlds import WORLDS
 from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import (
     AdaptiveEKF,
@@ -26,14 +27,8 @@ from satid_gym.problem import problem
 from satid_gym.scenario import prior_of
 from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
+from tests.tolerances import ALL
 
-ALL = {
-    "gyro_bias": 1e-4,
-    "gyro_scale": 1e-3,
-    "gyro_alignment": 1e-3,
-    "wheel_inertia": 2e-3,
-    "wheel_alignment": 1e-3,
-}
 SLOW = pytest.mark.slow  # each state size compiles the kernels again
 KINDS = {
     "bias": {"gyro_bias": 1e-4},
@@ -112,22 +107,35 @@ def test_momentum_is_that_of_the_wheels_as_built():
 # belief
 
 
-@pytest.fixture(scope="module")
-def flown():
-    """Readings of a satellite with all errors, two wheels' worth of products."""
+def readings(tolerances, inertia, seed, **settings):
+    """Of a satellite with these errors, flown by a filter that takes sensors and wheels as nominal."""
     recording = record(
         make_baseline("rate_square", "microsat"),
         satellite="microsat",
-        inertia="drift",
-        seeds=[90_001],
-        scenario=world(ALL, horizon=60.0, tilt_std=0.1),
-        estimator="momentum",
+        inertia=inertia,
+        seeds=[seed],
+        scenario=world(tolerances, horizon=60.0, **settings),
+        estimator={"name": "momentum", "calibrate": False},
     )
     return recording.gyro[0], recording.tachometer[0], recording.dt
 
 
-@pytest.mark.parametrize("parameters", [pytest.param("principal", marks=SLOW), "full"])
-@pytest.mark.parametrize("kind", [*(pytest.param(kind, marks=SLOW) for kind in KINDS if kind != "all"), "all"])
+@pytest.fixture(scope="module")
+def flown():
+    """Readings of a satellite with all errors and products of inertia."""
+    return readings(ALL, "drift", 90_001, tilt_std=0.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [
+        ("all", "full"),
+        pytest.param("all", "principal", marks=SLOW),
+        pytest.param("bias", "full", marks=SLOW),
+        pytest.param("gain", "principal", marks=SLOW),
+        pytest.param("wheels", "principal", marks=SLOW),
+    ],
+)
 def test_compiled_equals_filterpy(flown, kind, parameters):
     gyro, tachometer, dt = flown
     prior = prior_of(SATELLITES["microsat"], world(KINDS[kind]))
@@ -150,17 +158,8 @@ def test_compiled_equals_filterpy(flown, kind, parameters):
 @pytest.mark.parametrize("settings", [{"calibrate": False, "rate_coordinates": True}, {}])
 def test_adaptive_equals_filterpy(settings):
     """With a step of the inertia, after which M is what is known, and the rate no longer."""
-    told = world(KINDS["bias"], horizon=60.0)
-    recording = record(
-        make_baseline("rate_square", "microsat"),
-        satellite="microsat",
-        inertia=InertiaLaw("step", size=0.2, time=40.0),
-        seeds=[90_002],
-        scenario=told,
-        estimator="momentum",
-    )
-    gyro, tachometer, dt = recording.gyro[0], recording.tachometer[0], recording.dt
-    prior = prior_of(SATELLITES["microsat"], told)
+    gyro, tachometer, dt = readings(KINDS["bias"], InertiaLaw("step", size=0.2, time=40.0), 90_002)
+    prior = prior_of(SATELLITES["microsat"], world(KINDS["bias"]))
     compiled = AdaptiveEKF(**settings)
     run, plain = compiled.run(prior, gyro, tachometer, dt), FilterpyAdaptiveEKF(**settings)
     plain.reset(prior, gyro[0], tachometer[0])
@@ -222,7 +221,7 @@ def test_without_calibration_it_is_far_off():
 
 def test_a_common_error_of_the_rotors_stays_in_the_covariance():
     """Rotors heavier by one factor give the same readings for a body heavier by it: no excitation finds it."""
-    told = world({"wheel_inertia": 0.01})
+    told = world({**dict.fromkeys(ALL, 1e-6), "wheel_inertia": 0.01})
     env = SatInertiaIDEnv("microsat", "static", told)
     env.reset(seed=0)
     policy = make_baseline("rate_square", "microsat")
@@ -238,7 +237,7 @@ def test_a_common_error_of_the_rotors_stays_in_the_covariance():
 
 
 def test_the_rate_that_policies_see_is_corrected():
-    told = world({"gyro_bias": 5e-3}, disturbance_scale=0.0)
+    told = world({**dict.fromkeys(ALL, 1e-6), "gyro_bias": 5e-3}, disturbance_scale=0.0)
     env = SatInertiaIDEnv("microsat", "static", told)
     env.reset(seed=4)
     for i in range(120):
@@ -322,7 +321,7 @@ def test_the_smoother_refuses_what_it_does_not_smooth(flown):
 
 def test_the_study_of_consistency_writes_what_it_flew(tmp_path, capsys):
     study = ConsistencyStudy(
-        worlds=("gyro bias 1e-4 rad/s",),
+        worlds=("all small errors",),
         policies=("zero",),
         satellites=("cubesat",),
         inertias=("static",),
@@ -336,7 +335,7 @@ def test_the_study_of_consistency_writes_what_it_flew(tmp_path, capsys):
         satellite="cubesat",
         inertia="static",
         seeds=seeds("validation", 3),
-        scenario=world({"gyro_bias": 1e-4}),
+        scenario=WORLDS["all small errors"].scenario,
     ).scores()
     assert cell["nees"] == pytest.approx(scores["nees"].mean(), rel=1e-12)
     assert cell["final_error"] == pytest.approx(scores["final_error"].mean(), rel=1e-12)

@@ -9,7 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from satid_gym import SATELLITES, InertiaLaw, SatInertiaIDEnv
+from satid_gym import SATELLITES, InertiaLaw, SatInertiaIDEnv, Scenario
+from satid_gym.estimators.alignment import noise_covariance
+from satid_gym.scenario import prior_of
 from tests.cases import cases
 from tests.qa.fuzz.__main__ import Fuzz
 from tests.qa.fuzz.configuration import Group, draw_configuration
@@ -17,12 +19,16 @@ from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
 from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
 CHANCE = st.randoms(use_true_random=False)
-GROUPS = [Group(wheels=3, parameters="principal", estimator=name) for name in ("adaptive", "momentum", "rate")]
+FLOWN = [
+    *(("nominal", name) for name in ("adaptive", "momentum", "rate")),
+    *((sheet, "adaptive") for sheet in ("tolerances", "timed", "counted", "flexible")),
+]
+GROUPS = [Group(wheels=3, parameters="principal", estimator=name, sheet=sheet) for sheet, name in FLOWN]
 
 
 @pytest.mark.slow
 @cases("group", GROUPS)
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(chance=CHANCE)
 def test_a_valid_configuration_keeps_every_promise(group, chance):
     configuration = draw_configuration(chance, group)
@@ -56,9 +62,9 @@ def test_a_refused_action_changes_nothing(seed):
 @pytest.mark.slow
 def test_most_configurations_are_flown_and_a_seed_draws_the_same_again():
     """What cannot be drawn, or breaks the filter down and says so, is the exception."""
-    fuzz = Fuzz(configurations=40, wheels=(3,))
+    fuzz = Fuzz(configurations=40, wheels=(3,), sheets=("nominal", "tolerances"))
     flown = 0
-    for index in range(20):  # of the first two groups, which are compiled anyway
+    for index in range(20):  # of the first four groups, which are compiled anyway
         try:
             fly(fuzz.draw(index)[0], decisions=5)
             flown += 1
@@ -109,3 +115,27 @@ def test_a_drift_stops_at_its_full_size():
     env.reset(seed=0)
     shares = [env.step(np.zeros(3))[4]["inertia_true"][0, 0] / 6.53 for _ in range(100)]
     np.testing.assert_allclose(shares, 1.0 - 0.4 * np.minimum(np.arange(1, 101) / 25.0, 1.0), rtol=1e-12)
+
+
+def test_the_covariance_of_six_parameters_is_symmetric_to_the_last_bit():
+    """Process noise in the direction of theta was rounded otherwise above the diagonal than below."""
+    env = SatInertiaIDEnv("microsat", "drift", estimator={"name": "adaptive", "parameters": "full"})
+    env.reset(seed=0)
+    for i in range(60):
+        env.step(np.full(3, 0.2 if i // 6 % 2 else -0.2, np.float32))
+    belief = env.fleet.rows.beliefs[0]
+    np.testing.assert_array_equal(belief["covariance"], belief["covariance"].T)
+    slope = belief["adaptation"]["covariance_slope"]
+    np.testing.assert_array_equal(slope, slope.T)
+
+
+def test_the_noise_of_encoders_on_skewed_axes_is_symmetric_to_the_last_bit():
+    """A matrix product need not be."""
+    for seed in range(20):
+        axes = np.random.default_rng(seed).normal(size=(3, 4))
+        wheels = SATELLITES["microsat"].wheels.replace(
+            axes=axes / np.linalg.norm(axes, axis=0), inertia=2e-3, max_torque=0.1, max_speed=900.0
+        )
+        satellite = SATELLITES["microsat"].replace(wheels=wheels)
+        noise = noise_covariance(prior_of(satellite, Scenario(sensors={"encoder_pulses": 24})))
+        np.testing.assert_array_equal(noise, noise.T)

@@ -53,18 +53,11 @@ def test_the_truth_is_found_to_a_thousandth_and_within_the_claim():
     assert 0.05 < found.flights[0].predicted < 0.3  # a tachometer's noise of 0.1 rad/s, and the gyro's
 
 
-def test_the_claim_covers_the_truth_in_ten_draws():
-    found = coverage("clean", 10)
-    assert 0.5 < found.one < 0.95  # of 60 numbers; nominally 0.68
-    assert found.two > 0.88
-    assert found.three == 1.0
-    assert 0.4 < found.nees < 1.7
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_claim_covers_the_truth_in_a_hundred_draws(kind):
-    found = coverage(kind, 100)
+def test_the_claim_covers_the_truth_in_forty_draws(kind):
+    """Of 240 numbers, of which 0.68, 0.95 and 0.997 are nominal: four standard errors, 0.030, 0.014 and 0.003."""
+    found = coverage(kind, 40)
     assert 0.55 < found.one < 0.9
     assert found.two > 0.9
     assert found.three > 0.98
@@ -96,6 +89,10 @@ def changed(log, **roles):
     return dataclasses.replace(log, **{role: change(getattr(log, role)) for role, change in roles.items()})
 
 
+def first(log, count):
+    return changed(log, **dict.fromkeys(("time", "rate", "wheel_speed"), lambda values: values[:count]))
+
+
 @cases(
     ("roles", "message"),
     [
@@ -115,7 +112,7 @@ def changed(log, **roles):
 )
 def test_a_slip_is_named_in_one_line(roles, message):
     with pytest.raises(SlipError) as caught:
-        identify(changed(clean()[1], **roles), CUBESAT)
+        identify(changed(first(clean()[1], 1500), **roles), CUBESAT)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -219,8 +216,7 @@ def test_axes_that_read_exactly_zero_tell_nothing():
 
 
 def test_one_window_alone_is_said_and_a_delay_that_was_not_estimated_is_no_zero():
-    short = changed(clean()[1], **dict.fromkeys(("time", "rate", "wheel_speed"), lambda values: values[:350]))
-    found = identify(short, CUBESAT)
+    found = identify(first(clean()[1], 350), CUBESAT)
     assert any(note.startswith("one window alone: nothing but the formal covariance") for note in found.notes)
     assert np.isfinite(found.flights[0].delays).tolist() == [True, False]
     assert record(found)["flights"][0]["delays_s"][1] is None

@@ -62,12 +62,17 @@ def rollouts() -> dict[str, np.ndarray]:
             include_covariance=True,
         ),
         "adaptive": episode(inertia="step", estimator={"name": "adaptive", "parameters": "full"}),
-        "timed": episode(
+        "counted": episode(
+            decisions=4,
+            inertia="static",
+            scenario={"sensors": {"encoder_pulses": 24, "tachometer_delay": 0.6}},
+        ),
+        "late": episode(
             decisions=4,
             inertia="static",
             scenario={
-                "sensors": {"gyro_integrates": True, "encoder_pulses": 24, "tachometer_delay": 0.6},
-                "tolerances": {"tachometer_delay": 0.2},
+                "sensors": {"gyro_integrates": True, "tachometer_delay": 0.9},
+                "tolerances": {"tachometer_delay": 0.3},
             },
         ),
         "tight": episode(satellite="smallsat", scenario="tight", inertia="static"),

@@ -6,6 +6,7 @@ Every check takes a folder and returns its faults, one line each, so that it is 
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -36,6 +37,7 @@ def within(name: str, package: str) -> bool:
     return name == package or name.startswith(f"{package}.")
 
 
+@functools.cache
 def trees(root: Path) -> dict[str, tuple[Path, ast.Module]]:
     """Modules of the three packages below a folder by their dotted names: path and syntax tree."""
     found = {}

@@ -70,7 +70,8 @@ def noise_covariance(prior: FilterPrior) -> np.ndarray:
     assert pulses is not None
     assert period is not None
     spin_std = wheels.inertia * counting_std(2.0 * np.pi / pulses) / period
-    return (wheels.axes * spin_std**2) @ wheels.axes.T
+    covariance = (wheels.axes * spin_std**2) @ wheels.axes.T
+    return 0.5 * (covariance + covariance.T)  # a matrix product need not be symmetric to the last bit
 
 
 def write_alignment(row: np.void, prior: FilterPrior) -> None:

@@ -8,6 +8,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from satid_gym import SATELLITES, Tolerances
+from tests.flexible import PANELS, TANK
+from tests.tolerances import ALL
+
 DATA = Path(__file__).with_name("flights.json")
 DECISIONS = 60
 MARKS = (1, 5, 20, 45, 60)
@@ -38,6 +42,32 @@ CASES: dict[str, dict[str, Any]] = {
         "reward": {"criterion": "maxeig", "held_scale": 0.01, "gain_scale": 0.1},
     },
     "one walk, microsat": {"satellite": "microsat", "inertia": "step", "estimator": "momentum"},
+    **{
+        f"{name}, microsat": {
+            "satellite": SATELLITES["microsat"].replace(**sheet).to_dict(),
+            "inertia": law,
+            "scenario": {"horizon": 20.0, **scenario},
+        }
+        for name, sheet, law, scenario in (
+            ("panels", {"oscillators": (PANELS,)}, "static", {}),
+            (
+                "panels, slosh, integrating gyro",
+                {"oscillators": (PANELS, TANK)},
+                "step",
+                {"sensors": {"gyro_integrates": True}},
+            ),
+            ("tolerances", {"tolerances": Tolerances(**ALL)}, "step", {}),
+            (
+                "integrating gyro, late wheels",
+                {},
+                "step",
+                {"sensors": {"gyro_integrates": True, "tachometer_delay": 1.3}},
+            ),
+            ("encoders", {}, "static", {"sensors": {"gyro_integrates": True, "encoder_pulses": 24}}),
+            ("friction", {}, "static", {"friction": {"coulomb": 5e-3, "static": 8e-3, "viscous": 1e-5}}),
+            ("deployment", {}, "deployment", {}),
+        )
+    },
 }
 
 

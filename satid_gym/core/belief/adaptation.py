@@ -115,7 +115,7 @@ def forget(state):
 @outline
 def predict(belief, dt):
     """Set the process noise of the dt seconds to come, and what it does to the derivatives."""
-    state = belief.adaptation
+    state, D, P = belief.adaptation, belief.adaptation.covariance_slope, belief.covariance
     e, q_min = state.log_q, state.inertia_walk_min**2
     if e >= 0.0:
         variance = slope = q_min * np.exp(e)
@@ -130,10 +130,10 @@ def predict(belief, dt):
         scale = belief.theta_scale[k]
         belief.walk[3 + k] = np.sqrt(own * variance) * scale
         state.covariance_slope[k, k] += own * slope * scale * scale * dt
-        for j in range(p if own < 1.0 else 0):
+        for j in range(k, p if own < 1.0 else 0):  # both entries at once: rounding goes by the order
             common = (1.0 - own) * belief.mean[3 + k] * belief.mean[3 + j] * dt
-            state.covariance_slope[k, j] += slope * common
-            belief.covariance[3 + k, 3 + j] += variance * common
+            D[k, j] = D[j, k] = D[k, j] + slope * common
+            P[3 + k, 3 + j] = P[3 + j, 3 + k] = P[3 + k, 3 + j] + variance * common
     grown = state.log_q_variance + (share * state.log_q_drift + _LOG_Q_NOISE) * dt
     state.log_q_variance = min(grown, _LOG_Q_VARIANCE)
     state.since_step += dt

@@ -28,7 +28,7 @@ from satid_gym import SatInertiaIDEnv
 from satid_gym.config import check_integer, check_names
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.files import check_writable, write_json
-from tests.qa.fuzz.configuration import Configuration, Group, draw_configuration
+from tests.qa.fuzz.configuration import SHEETS, Configuration, Group, draw_configuration
 from tests.qa.fuzz.flight import Breakdown, Undrawable, Violation, fly
 from tests.qa.fuzz.spoil import refused, refuses_actions, spoil
 
@@ -51,6 +51,8 @@ class Fuzz:
     """Numbers of wheels; each compiles four kernels, up to a minute each, on the first run."""
     estimators: tuple[str, ...] = ("momentum", "rate")
     """Filters; "adaptive" as well is flown by the kernels of "momentum"."""
+    sheets: tuple[str, ...] = SHEETS
+    """What data sheets have beyond nominal values; the filter "rate" is flown with the first two alone."""
     output: Path = Path("results/fuzz.json")
     """Where the findings go."""
 
@@ -68,16 +70,19 @@ class Fuzz:
         if not self.wheels:
             raise ValueError("name at least one number of wheels")
         check_names("estimator", self.estimators, ESTIMATORS)
+        check_names("sheet", self.sheets, SHEETS)
         for wheels in self.wheels:
             check_integer("wheels", wheels, low=3)
 
     def groups(self) -> list[Group]:
         """Groups in the order flown: the fewest wheels first."""
         return [
-            Group(wheels=n, parameters=parameters, estimator=estimator)
+            Group(wheels=n, parameters=parameters, estimator=estimator, sheet=sheet)
             for n in self.wheels
             for parameters in ("principal", "full")
             for estimator in self.estimators
+            for sheet in self.sheets
+            if estimator != "rate" or sheet in SHEETS[:2]
         ]
 
     def group(self, index: int) -> Group:

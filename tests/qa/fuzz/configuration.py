@@ -12,22 +12,38 @@ from typing import Any
 
 import numpy as np
 
+from satid_gym import Satellite
+from satid_gym.laws import MASS_MODES
+from satid_gym.modes import check_sampling
+
 Settings = dict[str, Any]
 
 ACTIONS = ("random", "bang_bang", "zero", "extreme", "one_wheel")
+SHEETS = ("nominal", "tolerances", "timed", "counted", "flexible")
+TIMED = SHEETS[2:]  # whose sensors integrate, are late or count
 TURN_MAX = 2.0  # rad, that body and momentum may turn against each other between two readings
 
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Configurations that share compiled kernels."""
+    """Configurations that share compiled kernels.
+
+    Attributes:
+        wheels: number of wheels.
+        parameters: of the inertia, "principal" or "full".
+        estimator: name of the filter.
+        sheet: what the data sheet has beyond nominal values, one of `SHEETS`: nothing, tolerances of all kinds, sensors
+            that integrate or are late, encoders, or panels and slosh masses with such sensors. Each has a filter of its
+            own to compile.
+    """
 
     wheels: int
     parameters: str
     estimator: str
+    sheet: str = "nominal"
 
     def __str__(self) -> str:
-        return f"{self.wheels} wheels, {self.parameters}, {self.estimator}"
+        return f"{self.wheels} wheels, {self.parameters}, {self.estimator}, {self.sheet}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,12 +67,18 @@ def draw_configuration(chance: Random, group: Group) -> Configuration:
     """A valid configuration of a group."""
     satellite = _satellite(chance, group.wheels)
     scenario = _scenario(chance, satellite)
+    if group.sheet == "tolerances":
+        scenario["tolerances"] = _tolerances(chance, satellite)
+    if group.sheet in TIMED:
+        scenario["sensors"] = _sensors(chance, satellite, scenario["sample_period"], group.sheet == "counted")
     if group.parameters == "principal":  # which is refused where there are products of inertia
         satellite["inertia"] = np.diag(np.linalg.eigvalsh(satellite["inertia"])).tolist()
         scenario["tilt_std"] = 0.0
+    if group.sheet == "flexible":
+        satellite |= _flexible(chance, satellite, scenario["sample_period"])
     settings = {
         "satellite": satellite,
-        "inertia": _law(chance, scenario),
+        "inertia": _law(chance, scenario, satellite, group.parameters == "full"),
         "scenario": scenario,
         "estimator": _estimator(chance, group, satellite),
         "reward": _reward(chance),
@@ -132,12 +154,72 @@ def _satellite(chance: Random, wheels: int) -> Settings:
             "inertia": spin.tolist(),
             "max_torque": (torque * uneven).tolist(),
             "max_speed": (stored / spin).tolist(),
+            "friction": _or(chance, {"coulomb": 0.0}, _friction(chance, torque, float(np.min(stored / spin))), 0.7),
         },
         "rate_limit": rate_limit,
         "gyro_noise_std": _or(chance, 0.0, rate_limit * _log(chance, 1e-6, 0.1)),
         "tachometer_noise_std": _or(chance, 0.0, float(np.min(stored / spin)) * _log(chance, 1e-6, 1e-2)),
         "disturbance_std": _or(chance, 0.0, torque * _log(chance, 1e-6, 0.1)),
     }
+
+
+def _friction(chance: Random, torque: float, speed: float) -> Settings:
+    coulomb = torque * _log(chance, 1e-4, 0.3)
+    return {
+        "coulomb": coulomb,
+        "static": _or(chance, None, coulomb * chance.uniform(1.0, 2.0), 0.5),
+        "viscous": _or(chance, 0.0, torque / speed * _log(chance, 1e-4, 0.5)),
+        "stribeck_speed": max(0.01, speed * _log(chance, 1e-3, 0.1)),
+    }
+
+
+def _flexible(chance: Random, satellite: Settings, sample_period: float) -> Settings:
+    """Mass and oscillators: a pair of panels and a slosh mass, as heavy as the body's inertia leaves room for."""
+    inertia = np.array(satellite["inertia"])
+    share, mass, turns = _log(chance, 1e-3, 0.3), _log(chance, 1.0, 1e4), [_rotation(chance) for _ in range(3)]
+    size = float(np.sqrt(np.trace(inertia) / mass))
+    frequencies = [_log(chance, 1e-4, 0.2) / sample_period for _ in range(2)]
+    stds = {name: _or(chance, 0.0, chance.uniform(0.0, 0.3)) for name in ("mass_std", "frequency_std", "damping_std")}
+    damping = _or(chance, 0.0, _log(chance, 1e-4, 0.3))
+    while True:
+        panel = {
+            "mass": share * mass,
+            "hinge": (0.3 * size * turns[0][0]).tolist(),
+            "axis": turns[1][0].tolist(),
+            "arm": (0.3 * size * turns[1][1]).tolist(),  # across the axis
+            "mirrored": True,
+        }
+        tank = {
+            "mass": share * mass,
+            "position": (0.3 * size * turns[2][0]).tolist(),
+            "direction": turns[2][1].tolist(),
+            "deflection_std": _or(chance, 0.0, 0.01 * size),
+        }
+        parts = [
+            {**part, "frequency": frequency, "damping": damping, **stds}
+            for part, frequency in zip((panel, tank), frequencies, strict=True)
+        ]
+        flexible = {"mass": mass, "oscillators": parts}
+        try:
+            check_sampling("fuzzed", Satellite.from_dict({**satellite, **flexible}).modes, inertia, sample_period)
+            return flexible
+        except ValueError:  # little is left of a body that is nearly a rod or a plate
+            share *= 0.25
+
+
+def _sensors(chance: Random, satellite: Settings, period: float, counts: bool) -> Settings:
+    """Sensors that integrate, are late or count; with encoders as many noise states whatever is drawn."""
+    rate = satellite["rate_limit"]
+    common = {"gyro_range": _or(chance, None, rate * chance.uniform(2.1, 20.0), 0.7)}  # above twice the rate limit
+    integrates = chance.random() < 0.5
+    quantum = {"gyro_quantum": rate * period * _log(chance, 1e-6, 0.1)} if integrates and chance.random() < 0.5 else {}
+    late = _or(chance, 0.0, chance.choice((1.0, 4.0, chance.uniform(0.0, 4.0))))
+    if counts:
+        pulses = chance.choice((1, 24, 64, chance.randrange(1, 10_000)))
+        delay = 0.0 if integrates else late
+        return {**common, **quantum, "gyro_integrates": integrates, "encoder_pulses": pulses, "tachometer_delay": delay}
+    gyro_late = chance.uniform(0.01, 4.0) if not integrates and late == 0.0 else _or(chance, 0.0, late)
+    return {**common, **quantum, "gyro_integrates": integrates, "gyro_delay": gyro_late, "tachometer_delay": late}
 
 
 def fastest_turn(satellite: Settings) -> float:
@@ -179,13 +261,14 @@ def _scenario(chance: Random, satellite: Settings) -> Settings:
         "termination_factor": _log(chance, 1.0, 10.0),
         "estimator": chance.choice(("momentum", "rate")),
         "faults": _or(chance, {"time": [0.2, 0.6]}, _faults(chance, satellite, samples)),
-        "tolerances": _or(chance, {"gyro_bias": 0.0}, _tolerances(chance, satellite), 0.8),
+        "tolerances": {"gyro_bias": 0.0},
+        "sensors": {"gyro_delay": 0.0},
     }
     return scenario
 
 
 def _tolerances(chance: Random, satellite: Settings) -> Settings:
-    """All kinds of errors at once: each set of kinds has a filter of its own to compile."""
+    """All kinds of errors of gyro and wheels at once: each set of kinds has a filter of its own to compile."""
     names = ("gyro_scale", "gyro_alignment", "wheel_inertia", "wheel_alignment")
     tolerances = {name: _log(chance, 1e-5, 0.1) for name in names}
     return {"gyro_bias": satellite["rate_limit"] * _log(chance, 1e-4, 1.0), **tolerances}
@@ -222,11 +305,21 @@ def _ranges(chance: Random) -> Settings:
         "periodic_size": pair(0.0, 0.5),
         "frequency": pair(0.0, 0.1),
         "phase": pair(-10.0, 10.0),
+        "deployment_size": pair(0.0, 1.0),
+        "deployment_time": pair(0.0, 1.0),
+        "deployment_duration": pair(0.1, 1e3),
+        "fuel_size": pair(0.0, 0.2),
+        "release_size": pair(0.0, 0.2),
+        "release_time": pair(0.0, 1.0),
     }
 
 
-def _law(chance: Random, scenario: Settings) -> str | Settings:
-    kind = chance.choice(("static", "step", "drift", "periodic", "random", "law"))
+def _law(chance: Random, scenario: Settings, satellite: Settings, products: bool) -> str | Settings:
+    """A law by name or in full; those of a mass, which make products of inertia, where the filter has them."""
+    masses = (*MASS_MODES, *MASS_MODES, "mass") if products else ()
+    kind = chance.choice(("static", "step", "drift", "periodic", "random", "law", *masses))
+    if kind == "mass":
+        return _mass(chance, scenario, satellite)
     if kind != "law":
         return kind
     return {
@@ -238,6 +331,16 @@ def _law(chance: Random, scenario: Settings) -> str | Settings:
     }
 
 
+def _mass(chance: Random, scenario: Settings, satellite: Settings) -> Settings:
+    mode, inertia = chance.choice(sorted(MASS_MODES)), np.array(satellite["inertia"])
+    mass, time = _log(chance, 1e-2, 1e3), chance.uniform(0.1, 1.0) * scenario["horizon"]
+    left = np.linalg.eigvalsh(0.5 * np.trace(inertia) * np.eye(3) - inertia)[0]  # of a body: its least second moment
+    room = 0.3 * float(np.trace(inertia)) if mode == "deployment" else 0.1 * max(float(left), 0.0)
+    place = np.sqrt(chance.uniform(0.01, 1.0) * room / mass) * _rotation(chance)[0]
+    duration = {"duration": chance.uniform(0.1, 1.0) * scenario["horizon"]} if mode == "deployment" else {}
+    return {"mode": mode, "mass": mass, "place": place.tolist(), "time": time, **duration}
+
+
 def _estimator(chance: Random, group: Group, satellite: Settings) -> Settings:
     common = {"name": group.estimator, "parameters": group.parameters}
     if group.estimator == "momentum":
@@ -246,7 +349,7 @@ def _estimator(chance: Random, group: Group, satellite: Settings) -> Settings:
             "inertia_walk": _or(chance, 0.0, _log(chance, 1e-4, 0.1)),
             "disturbance_walk": chance.choice((None, 0.0, 1e-3, 0.1)),
             "substeps": chance.choice((1, 1, 2, 5)),
-            "gate": chance.choice((0.0, 0.0, 1e-6, 1e-2)),
+            "gate": 0.0 if group.sheet in TIMED else chance.choice((0.0, 0.0, 1e-6, 1e-2)),
         }
     if group.estimator == "adaptive":
         first, least = _or(chance, 0.0, _log(chance, 1e-5, 0.1)), _log(chance, 1e-6, 0.1)

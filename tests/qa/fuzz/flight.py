@@ -10,9 +10,11 @@ import numpy as np
 from satid_gym import SatInertiaIDEnv
 from satid_gym.core.belief.filters import FilterKind
 from satid_gym.core.belief.kalman import _FLOOR
+from satid_gym.core.records import InertiaMode
 from satid_gym.estimators.filterpy.model import tensor
 from satid_gym.fleet import DRAW_FAILED
 from satid_gym.gym_api import INFO_KEYS
+from satid_gym.modes import fastest_oscillation
 from tests.qa.fuzz.configuration import Configuration, fastest_turn
 
 DECISIONS = 300
@@ -59,7 +61,10 @@ def fly(configuration: Configuration, decisions: int = DECISIONS) -> dict[str, f
             _refuses_to_go_on(env, action)
             log.reset(_reset(env, configuration, None))
     env.close()
-    turn = env.problem.scenario.sample_period * fastest_turn(configuration.settings["satellite"])
+    (satellite,) = env.problem.satellites
+    fastest = fastest_turn(configuration.settings["satellite"])
+    fastest += fastest_oscillation(satellite.modes, satellite.inertia) if satellite.oscillators else 0.0
+    turn = env.problem.scenario.sample_period * fastest
     return log.check(_ROUNDING if turn < _FINE else _COARSE_DRIFT)
 
 
@@ -181,7 +186,9 @@ class _Log:
 
     def _truth(self) -> None:
         plants = self.plants
-        over = np.abs(self.info["torque_applied"]) / plants["torque_max"]
+        rubbing = np.maximum(plants["friction_coulomb"], plants["friction_static"])[:, None]
+        rubbing = rubbing + plants["friction_viscous"][:, None] * plants["wheel_speed_max"]
+        over = np.abs(self.info["torque_applied"]) / (plants["torque_max"] + rubbing)
         _demand(over.max(axis=1) <= 1.0 + _ROUNDING, "torque is beyond its limit by factors", over)
         over = np.abs(plants["wheel_speed"]) / plants["wheel_speed_max"]
         _demand(over.max(axis=1) <= 1.0 + _ROUNDING, "a wheel is beyond its limit by factors", over)
@@ -189,6 +196,9 @@ class _Log:
         _demand(np.abs(length - 1.0) < _ROUNDING, "attitude is no unit quaternion but of length", length)
         for name in ("momentum", "wheel_momentum", "rate", "gyro", "tachometer"):
             _demand(np.isfinite(plants[name]).all(axis=1), f"{name} is not finite", plants[name])
+        for name in ("deflection", "speed"):
+            values = plants["oscillators"][name]
+            _demand(np.isfinite(values).all(axis=1), f"{name} of the oscillators is not finite", values)
         moments = np.linalg.eigvalsh(self.info["inertia_true"])
         physical = (moments[:, 0] > 0.0) & (moments[:, 0] + moments[:, 1] >= moments[:, 2] * (1.0 - 1e-6))
         _demand(physical, "no body has true moments", moments)
@@ -240,10 +250,15 @@ class _Log:
         return sharpest * (std[:, :3].sum(axis=1) + rate * std[:, 3 : 3 + p].sum(axis=1))
 
     def _drift(self, slack: float) -> float:
-        """Largest relative change of |M| over a decision without external torque; 0 where there is one."""
+        """Largest relative change of |M| over a decision without external torque; 0 where there is one.
+
+        What is released takes its momentum along.
+        """
         plants, world = self.plants, self.env.problem.scenario
         torques = ("torque_constant", "torque_cosine", "torque_sine", "solar_force")
-        if any(plants[name].any() for name in torques) or (world.gravity_gradient and world.orbit_rate > 0.0):
+        if (plants["law"] == InertiaMode.RELEASE).any() or any(plants[name].any() for name in torques):
+            return 0.0
+        if world.gravity_gradient and world.orbit_rate > 0.0:
             return 0.0
         momentum = np.linalg.norm(plants["momentum"], axis=1)
         spin = np.abs(plants["wheel_inertia"] * plants["wheel_speed"]).max(axis=1)

@@ -17,6 +17,8 @@ import satid_gym
 from satid_gym import InertiaLaw, LawRanges, ReactionWheels, RewardSettings, Satellite, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import ESTIMATORS
 from satid_gym.faults import Faults
+from satid_gym.friction import WheelFriction
+from satid_gym.sensors import Sensors
 from satid_gym.tolerances import Tolerances
 from tests.qa.fuzz.configuration import Configuration, Settings
 from tests.qa.fuzz.flight import Violation
@@ -25,10 +27,12 @@ _LIBRARY = str(Path(satid_gym.__file__).parent)
 _TYPES: dict[str, Callable[[Settings], Any]] = {
     "satellite": lambda s: Satellite,
     "satellite.wheels": lambda s: ReactionWheels,
+    "satellite.wheels.friction": lambda s: WheelFriction,
     "scenario": lambda s: Scenario,
     "scenario.laws": lambda s: LawRanges,
     "scenario.faults": lambda s: Faults,
     "scenario.tolerances": lambda s: Tolerances,
+    "scenario.sensors": lambda s: Sensors,
     "reward": lambda s: RewardSettings,
     "estimator": lambda s: ESTIMATORS[s["estimator"]["name"]][0],
     "inertia": lambda s: InertiaLaw,
@@ -65,7 +69,7 @@ def _spoil_field(chance: Random, settings: Settings) -> str:
     cls = _TYPES[path](settings)
     field = chance.choice(dataclasses.fields(cls))
     kind = typing.get_type_hints(cls)[field.name]
-    value = chance.choice(_wrong(field.name, kind))
+    value = chance.choice([value for value in _wrong(field.name, kind) if value is not field.default])
     _place(settings, path)[field.name] = value
     return f"{path}.{field.name} = {value!r}"
 
