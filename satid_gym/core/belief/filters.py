@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from satid_gym.core.algebra import load
-from satid_gym.core.belief import alignment, calibration, momentum_filter, momentum_start, rate_filter
+from satid_gym.core.belief import alignment, calibration, momentum_filter, momentum_start, rate_filter, whiteness
 from satid_gym.core.jit import inline
 
 
@@ -95,3 +95,13 @@ def state_scale(belief, task, i):
     if belief.kind == _MOMENTUM:
         return belief.theta_scale[i] * task.rate_limit if i < 3 else belief.prior_torque_std
     return task.rate_limit if i < 3 else task.wheel_speed_max[i - 3 - p]
+
+
+@inline
+def tell(belief, report):
+    """Write what the filter says of itself, beside its estimate, to a report."""
+    state, walk = belief.whiteness, belief.walk[3] / belief.theta_scale[0]
+    report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state)
+    report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state) else 0, state.factor
+    report.inertia_walk = belief.adaptation.walk if belief.adaptation.on != 0 else walk
+    report.steps_found = belief.adaptation.steps
