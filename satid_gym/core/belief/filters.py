@@ -101,7 +101,8 @@ def state_scale(belief, task, i):
 def tell(belief, report):
     """Write what the filter says of itself, beside its estimate, to a report."""
     state, walk = belief.whiteness, belief.walk[3] / belief.theta_scale[0]
-    report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state)
-    report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state) else 0, state.factor
-    report.inertia_walk = belief.adaptation.walk if belief.adaptation.on != 0 else walk
-    report.steps_found = belief.adaptation.steps
+    if belief.adaptation.on != 0:
+        walk = belief.adaptation.walk
+    report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state, walk)
+    report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state, walk) else 0, state.factor
+    report.inertia_walk, report.steps_found = walk, belief.adaptation.steps

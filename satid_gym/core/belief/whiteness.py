@@ -6,8 +6,10 @@ ringing or slosh, makes them larger, or alike from one reading to the next (colo
     y += (1 - a) (e - y),   a = exp(-1 / T);   R = mean of y^2 (1 + a) / (1 - a)
 
 R is the variance of e in the long run, sum over k of a^|k| E[e(t) e(t - k)], over that of white ones: 1 where nothing
-is left out. T = 0 gives the mean NIS, by axis. Means are over the last _MEMORY readings and begin with _PRIOR readings
-as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R.
+is left out. T = 0 gives the mean NIS, by axis. Means are over the last MEMORY readings and begin with PRIOR readings
+as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R. An inertia that
+varies and is followed with a lag colours innovations slowly too, so beyond the _FAST shortest T an R alarms only while
+the filter's own walk says that the inertia hardly varies.
 
 With `inflate`, colour also counts: the readings' noise covariance is multiplied by a factor F = R / limit, squared
 where T is so short that no inertia that varies explains it, and where F is the largest so far, the covariance by what
@@ -33,6 +35,7 @@ MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
 _FAST = 2  # first so many time constants whose colour no inertia that varies explains
 _FACTOR_MAX = 1e4
+_STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies
 _COUNT = len(TIME_CONSTANTS)
 
 
@@ -101,18 +104,18 @@ def mean_nis(state):
 
 
 @inline
-def colour(state):
-    """R over its limit, the largest of all but the mean NIS; beyond 1 it is an alarm."""
+def colour(state, walk):
+    """R over its limit, the largest of those that count for a filter of such a walk, per sqrt(s), but the mean NIS."""
     largest = 0.0
-    for k in range(1, _COUNT):
+    for k in range(1, _FAST if walk > _STILL else _COUNT):
         largest = max(largest, excess(state, k))
     return largest
 
 
 @inline
-def is_alarmed(state):
+def is_alarmed(state, walk):
     """Whether innovations are larger, or more coloured, than those of white flights."""
-    return excess(state, 0) > 1.0 or colour(state) > 1.0
+    return excess(state, 0) > 1.0 or colour(state, walk) > 1.0
 
 
 @inline
