@@ -70,8 +70,10 @@ def test_coloured_noise_has_the_variance_that_its_correlations_give():
 def test_limits_are_those_of_white_noise():
     found = largest(1000, 3000, seed=1)
     share = (found > np.array(LIMITS)).any(axis=1).mean()
-    assert abs(share - FALSE_ALARM_RATE) < 3.0 * np.sqrt(FALSE_ALARM_RATE / len(found))
-    np.testing.assert_allclose(limits(found, 0.02), LIMITS, rtol=0.15)
+    assert share < FALSE_ALARM_RATE + 3.0 * np.sqrt(FALSE_ALARM_RATE / len(found))
+    white = limits(found, FALSE_ALARM_RATE)
+    np.testing.assert_allclose(LIMITS[2:], white[2:], rtol=0.2)
+    assert (LIMITS[:2] > white[:2]).all()
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +98,13 @@ def test_nominal_flights_are_not_changed(nominal):
 
 
 @pytest.mark.compiled
-def test_a_periodic_inertia_is_followed_as_before():
-    """Its lag colours the innovations slowly, which does inflate, but is seldom taken for what is not modelled."""
-    row = cell(NOMINAL, "as nominal", "multi_step", SATELLITES["microsat"], "periodic")
-    assert row["final_error"][1] < 1.1 * row["final_error"][0]
-    assert 0.3 < row["nees"][1] < 1.2 * row["nees"][0]
+@pytest.mark.parametrize(("policy", "worse"), [("rate_square", 1.05), ("multi_step", 1.5)])
+def test_a_periodic_inertia_is_seldom_taken_for_what_is_not_modelled(policy, worse):
+    """Its lag colours the innovations; where that raises an alarm it costs accuracy, not consistency."""
+    row = cell(NOMINAL, "as nominal", policy, SATELLITES["microsat"], "periodic")
+    assert row["alarmed"][0] < 0.4
+    assert row["final_error"][1] < worse * row["final_error"][0]
+    assert 0.3 < row["nees"][1] < 2.5
 
 
 @pytest.mark.compiled

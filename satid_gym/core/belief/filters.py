@@ -8,7 +8,14 @@ from __future__ import annotations
 from enum import IntEnum
 
 from satid_gym.core.algebra import load
-from satid_gym.core.belief import alignment, calibration, momentum_filter, momentum_start, rate_filter, whiteness
+from satid_gym.core.belief import (
+    alignment,
+    calibration,
+    momentum_filter,
+    momentum_start,
+    rate_filter,
+    whiteness,
+)
 from satid_gym.core.jit import inline
 
 
@@ -100,9 +107,7 @@ def state_scale(belief, task, i):
 @inline
 def tell(belief, report):
     """Write what the filter says of itself, beside its estimate, to a report."""
-    state, walk = belief.whiteness, belief.walk[3] / belief.theta_scale[0]
-    if belief.adaptation.on != 0:
-        walk = belief.adaptation.walk
+    state, walk = belief.whiteness, whiteness.inertia_walk(belief)
     report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state, walk)
     report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state, walk) else 0, state.factor
     report.inertia_walk, report.steps_found = walk, belief.adaptation.steps

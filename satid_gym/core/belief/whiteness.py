@@ -7,13 +7,15 @@ ringing or slosh, makes them larger, or alike from one reading to the next (colo
 
 R is the variance of e in the long run, sum over k of a^|k| E[e(t) e(t - k)], over that of white ones: 1 where nothing
 is left out. T = 0 gives the mean NIS, by axis. Means are over the last MEMORY readings and begin with PRIOR readings
-as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R. An inertia that
-varies and is followed with a lag colours innovations slowly too, so beyond the _FAST shortest T an R alarms only while
-the filter's own walk says that the inertia hardly varies.
+as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R, for the two
+shortest T raised to where flights with a periodic inertia on tuning seeds seldom come. An inertia that varies and is
+followed with a lag colours innovations slowly too, so beyond the _FAST shortest T an R counts only while the filter's
+own walk says that the inertia hardly varies, or, with `inflate`, once another R has gone beyond its limit.
 
-With `inflate`, colour also counts: the readings' noise covariance is multiplied by a factor F = R / limit, squared
-where T is so short that no inertia that varies explains it, and where F is the largest so far, the covariance by what
-F has grown, for what was learned before was learned from the same readings; theta's at most to its prior.
+With `inflate` the readings' noise covariance is multiplied by F, the square of the largest R / limit beyond 1: what is
+left out is no noise that averages out, but comes with the motion that tells of the inertia. Where F is the largest so
+far, the covariance is multiplied by what F has grown, theta's at most to its prior: what was learned before was learned
+from the same readings.
 Source: Mehra, On the identification of variances and adaptive Kalman filtering (1970), for the test; Newey and West,
 A simple positive semi-definite heteroskedasticity and autocorrelation consistent covariance matrix (1987), for the
 variance in the long run. The factor is this project's, tuned on tuning seeds.
@@ -29,11 +31,11 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
 TIME_CONSTANTS = (0.0, 3.0, 10.0, 30.0, 100.0)  # T, samples
-LIMITS = (1.31, 1.65, 2.28, 3.42, 4.89)  # of R: 1 % of white flights of 3000 readings go beyond one of them
-FALSE_ALARM_RATE = 0.01
+LIMITS = (1.4, 1.9, 2.28, 3.42, 4.89)  # of R, see baselines/tuning/whiteness_limits.py
+FALSE_ALARM_RATE = 0.01  # share of white flights of 3000 readings that go beyond a limit, at most
 MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
-_FAST = 2  # first so many time constants whose colour no inertia that varies explains
+_FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
 _FACTOR_MAX = 1e4
 _STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies
 _COUNT = len(TIME_CONSTANTS)
@@ -91,6 +93,13 @@ def note(belief, work):
 
 
 @inline
+def inertia_walk(belief):
+    """Random walk of each moment over its scale that the filter uses, per sqrt(s)."""
+    adapts = belief.adaptation.on != 0
+    return belief.adaptation.walk if adapts else belief.walk[3] / belief.theta_scale[0]
+
+
+@inline
 def excess(state, k):
     """R over its limit for time constant k, the largest of the three axes."""
     R = state.variance
@@ -104,10 +113,16 @@ def mean_nis(state):
 
 
 @inline
+def _counted(state, walk):
+    """How many time constants count for a filter whose inertia walks so, per sqrt(s)."""
+    return _COUNT if walk <= _STILL or state.factor_max > 1.0 else _FAST
+
+
+@inline
 def colour(state, walk):
-    """R over its limit, the largest of those that count for a filter of such a walk, per sqrt(s), but the mean NIS."""
+    """R over its limit, the largest of those that count but the mean NIS."""
     largest = 0.0
-    for k in range(1, _FAST if walk > _STILL else _COUNT):
+    for k in range(1, _counted(state, walk)):
         largest = max(largest, excess(state, k))
     return largest
 
@@ -121,11 +136,9 @@ def is_alarmed(state, walk):
 @inline
 def _inflate(belief):
     """Set F by the innovations; raise the covariance where F is the largest so far."""
-    state, factor = belief.whiteness, 1.0
-    for k in range(_COUNT):
-        beyond = excess(state, k)
-        factor = max(factor, beyond * beyond if k < _FAST else beyond)
-    state.factor = factor = min(factor, _FACTOR_MAX)
+    state = belief.whiteness
+    beyond = max(1.0, excess(state, 0), colour(state, inertia_walk(belief)))
+    state.factor = factor = min(beyond * beyond, _FACTOR_MAX)
     if factor <= state.factor_max:
         return
     growth = factor / state.factor_max
