@@ -178,7 +178,7 @@ def consistency(write: Callable[[Mapping[str, Any]], str]) -> str:
 def unmodelled() -> str:
     """The table of what the filter is not told, from the committed study."""
     remedy = "run python -m baselines.studies.unmodelled --output docs/results/unmodelled.json"
-    keys = ("cells", "settings", "revision", "split")
+    keys = ("cells", "settings", "revision")
     return unmodelled_table(read_json(RESULTS / "unmodelled.json", remedy, keys=keys))
 
 
