@@ -113,7 +113,7 @@ over the rate limit, less 1, where positive |
     | constrained_updates | filter updates shortened so far to keep the estimate positive definite |
     | rejected | gyro readings that the filter has rejected so far |
     | nis_mean | mean normalised innovation squared of the last 1000 updates, per degree of freedom; about 1 when \
-consistent, 0 where the filter is not watched (RateEKF, own estimators) |
+consistent, and 1 where the filter is not watched (RateEKF, own estimators) |
     | colour | largest variance of the innovations in the long run over that of white ones and over its limit; \
 beyond 1 it is an alarm |
     | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; without \

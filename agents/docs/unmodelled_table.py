@@ -27,5 +27,6 @@ def unmodelled_table(results: Mapping[str, Any]) -> str:
         figures = _pair(own, "nees", ".2g"), _pair(own, "nees_settled", ".2g"), _pair(own, "final_error", ".2g", 100.0)
         rows.append([world, policy, *figures, f"{100.0 * np.mean([cell['alarmed'][0] for cell in own]):.0f}"])
     head = ["world", "policy", "NEES", "NEES from 60 s on", "final error, %", "flights with an alarm, %"]
-    flown = f"{results['settings']['episodes']} {results['settings']['split']} episodes a cell; revision {results['revision'][:7]}."
+    flown = "{episodes} {split} episodes a cell; revision ".format(**results["settings"])
+    flown += f"{results['revision'][:7]}."
     return table(head, rows, text_columns=2) + "\n\n" + flown

@@ -31,6 +31,7 @@ _MOMENTUM = int(FilterKind.MOMENTUM)
 @inline
 def start(belief, work, gyro, tachometer):
     """Belief after the first reading."""
+    whiteness.start(belief)
     if belief.kind == _MOMENTUM:
         momentum_start.start(belief, work, gyro, tachometer)
     else:

@@ -11,7 +11,7 @@ from satid_gym.core.algebra import (
     store,
     store_symmetric,
 )
-from satid_gym.core.belief import adaptation, alignment, calibration, gating, modes, whiteness
+from satid_gym.core.belief import adaptation, alignment, calibration, gating, modes
 from satid_gym.core.belief.kalman import estimated_inertia, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -27,7 +27,6 @@ def start(belief, work, gyro, tachometer):
     store(belief.wheel_input, calibration.wheel_input(belief, tachometer))
     if belief.adaptation.on != 0:
         adaptation.start(belief)
-    whiteness.start(belief)
     for i in range(3):
         belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
     if belief.modes.coupling.shape[0] > 0:

@@ -43,7 +43,7 @@ _COUNT = len(TIME_CONSTANTS)
 
 @functools.cache
 def whiteness_dtype() -> np.dtype:
-    """Whiteness: its setting and state; zero where nothing is watched."""
+    """Whiteness: its setting and state; as of white innovations where nothing is watched."""
     return np.dtype(
         [
             ("inflate", INT),  # 1: F counts
