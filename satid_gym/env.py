@@ -114,7 +114,8 @@ the axis of d, rings to 1, a reversal to 2 |
     | term | default weight | meaning |
     |---|---|---|
     | gained | 0 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
-covariance of the inertia parameters, in nats; never negative, but where the AdaptiveEKF finds a step |
+covariance of the inertia parameters, in nats; never negative, but where the AdaptiveEKF \
+finds a step or `inflate` raises the covariance |
     | held | 0.1 | nats by which the inertia is better known at the decision's end than before launch: \
 1/2 log(det P before launch / det P) |
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
@@ -159,6 +160,15 @@ limit; "deflection": share of the samples with a panel or a slosh mass beyond it
     | torque_applied | (n,) mean motor torque less friction, N m |
     | constrained_updates | filter updates shortened so far to keep the estimate positive definite |
     | rejected | gyro readings that the filter has rejected so far |
+    | nis_mean | mean normalised innovation squared of the last 1000 updates, per degree of freedom; about 1 when \
+consistent, and 1 where the filter is not watched (RateEKF, own estimators) |
+    | colour | largest variance of the innovations in the long run over that of white ones and over its limit; \
+beyond 1 it is an alarm |
+    | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; without \
+cause in 1 % of flights |
+    | inflation | factor on the variance of the readings' noise, with the estimator's `inflate`; else 1 |
+    | inertia_walk | random walk of each moment relative to its prior that the filter uses, per sqrt(s) |
+    | steps_found | steps of the inertia that the filter has found so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
     | deflection | (c,) largest deflection of each panel, rad, and slosh mass, m; (0,) without any |
 

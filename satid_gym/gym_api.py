@@ -36,12 +36,18 @@ INFO_KEYS = (
     "torque_applied",
     "constrained_updates",
     "rejected",
+    "nis_mean",
+    "colour",
+    "unmodelled",
+    "inflation",
+    "inertia_walk",
+    "steps_found",
     "faults",
     "deflection",
 )
 COSTS = tuple(cost.name.lower() for cost in Cost)
 """Names of the costs."""
-_FLAGS = ("saturated", "faults")  # keys whose values are arrays of bool
+_FLAGS = ("saturated", "faults", "unmodelled")  # keys whose values are bool, or arrays of it
 
 
 def make_spaces(p: Problem) -> tuple[spaces.Box, spaces.Box]:
@@ -101,6 +107,8 @@ def info_of(reports: np.ndarray) -> dict[str, Any]:
     for key, value in info.items():
         if isinstance(value, np.ndarray):
             info[key] = value.astype(bool) if key in _FLAGS else value.copy()
+        elif key in _FLAGS:
+            info[key] = bool(value)
     return info
 
 

@@ -13,8 +13,7 @@ from satid_gym.rigid_body import part_inertia, point_inertia, turn_slope
 
 OSCILLATORS_MAX = 8  # of a satellite, the two of a mirrored pair counted apart
 _UNIT_TOLERANCE = 1e-6  # of a direction, whose length must be 1
-_DAMPING_MAX = 0.5
-_LOG_STD_MAX = 0.5
+_DAMPING_MAX, _LOG_STD_MAX = 0.5, 0.5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,8 +28,7 @@ class Oscillator(Config, abc.ABC):
         frequency_std: std of the logarithm of the true frequency.
         damping_std: std of the logarithm of the true damping ratio.
         deflection_std: std of the first deflection, rad of a panel, m of a slosh mass; it begins at rest where 0.
-        deflection_limit: rad of a panel, m of a slosh mass; time beyond it is a cost, far beyond it an episode
-            ends. None: no limit.
+        deflection_limit: rad of a panel, m of a slosh mass, beyond which time is a cost; None: no limit.
         mirrored: whether there is a second one, mirrored at the centre of mass and alike in all; a filter expects of
             the two the mode in which they turn the body.
 

@@ -163,6 +163,8 @@ class PluginFilter:
         if isinstance(self.estimator, CompiledEKF):
             for name in ("wheel_input", "alignment", "modes"):  # what the rate follows from beside the mean
                 belief[name] = self.estimator.record[name]
+            for name in ("whiteness", "adaptation"):  # what info tells of the filter
+                belief[name] = self.estimator.record[name]
         elif belief["kind"] == FilterKind.MOMENTUM:
             belief["wheel_input"][:3] = belief["axes"] @ (belief["wheel_inertia"] * speed)
 

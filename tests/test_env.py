@@ -148,7 +148,7 @@ def test_returned_types_are_pythons():
     assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
     assert tuple(info) == INFO_KEYS
     for key, value in info.items():
-        assert type(value) in (float, int, np.ndarray), key
+        assert type(value) in (bool, float, int, np.ndarray), key
     assert info["saturated"].dtype == bool
     assert info["inertia_true"].shape == info["inertia_estimate"].shape == (3, 3)
 

@@ -27,6 +27,7 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import section_table, vector_arguments
+from agents.docs.unmodelled_table import unmodelled_table
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -175,6 +176,13 @@ def consistency(write: Callable[[Mapping[str, Any]], str]) -> str:
     return write(read_json(RESULTS / "consistency.json", remedy, keys=keys))
 
 
+def unmodelled() -> str:
+    """The table of what the filter is not told, from the committed study."""
+    remedy = "run python -m baselines.scenarios.unmodelled --output docs/results/unmodelled.json"
+    keys = ("cells", "settings", "revision")
+    return unmodelled_table(read_json(RESULTS / "unmodelled.json", remedy, keys=keys))
+
+
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws, "faults": faults},
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
@@ -198,6 +206,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "flexible.md": {"flexible": lambda: consistency(functools.partial(consistency_table, topic="flexible"))},
     "sensors.md": {"sensors": lambda: settings(Sensors), "timing": lambda: consistency(timing_table)},
+    "unmodelled.md": {"unmodelled": unmodelled},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

@@ -1,1 +1,1 @@
-"""Studies of scenarios: whether the choice of excitation matters there, and whether the rate loop holds."""
+"""Studies of scenarios: what their excitation is worth, whether the rate loop holds, and what a filter is not told."""

@@ -124,6 +124,12 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("torque_applied", FLOAT, n),
             ("constrained_updates", INT),
             ("rejected", INT),
+            ("nis_mean", FLOAT),
+            ("colour", FLOAT),
+            ("unmodelled", np.int8),  # 1: the innovations are not those of a consistent filter
+            ("inflation", FLOAT),
+            ("inertia_walk", FLOAT),
+            ("steps_found", INT),
             ("faults", np.int8, len(Fault)),  # 1: acted in the decision
             ("deflection", FLOAT, oscillators),  # largest in the decision
             # tallies of the decision under way

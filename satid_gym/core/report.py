@@ -61,4 +61,5 @@ def assess(plant, belief, work, report):
         belief.broken = 1
         report.nees = np.nan
     report.constrained_updates, report.rejected = belief.constrained_updates, belief.rejected
+    filters.tell(belief, report)
     report.time = plant.time

@@ -53,6 +53,9 @@ class MomentumEKFSettings(EstimatorSettings):
             of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
         announced: whether it is told when a deployment or a release is commanded and how long that takes, not what it
             does to the tensor; see `satid_gym.core.belief.announcement`.
+        inflate: whether it inflates its covariance and the readings' noise while its innovations are larger or more
+            coloured than those of a consistent filter, see `satid_gym.core.belief.whiteness`. Without, info's
+            `unmodelled` says so and nothing else changes.
 
     Raises:
         ValueError: a value is out of range, or with adaptation a walk is more than inertia_walk_max.
@@ -74,6 +77,7 @@ class MomentumEKFSettings(EstimatorSettings):
     rate_coordinates: bool | None = None
     gate: float = 0.0
     announced: bool = True
+    inflate: bool = False
 
     def __post_init__(self) -> None:
         if self.inertia_walk is None:
@@ -166,7 +170,7 @@ class MomentumEKFSettings(EstimatorSettings):
         if self.calibration_states(prior) > 0:
             write_calibration(row, prior, 6 + p + STATES * modes, self.calibrate)
         write_alignment(row, prior)
-        row["is_told"] = self.announced
+        row["is_told"], row["whiteness"]["inflate"] = self.announced, self.inflate
         row["rate_coordinates"] = row["calibration"]["states"] > 0 or modes > 0 or self.updates_rate(prior)
 
 

@@ -47,7 +47,7 @@ class MomentumSmoother:
 
         Raises:
             ValueError: a shape or a value is wrong, or the prior has tolerances or modes, which it does not smooth, or
-                sensors whose readings are not of one instant.
+                sensors whose readings are not of one instant, or `inflate` is set.
         """
         if self.settings.flexible and prior.modes:
             raise ValueError(
@@ -64,6 +64,8 @@ class MomentumSmoother:
                 "MomentumSmoother smooths no errors of sensors and wheels: give a prior without tolerances, or use "
                 "calibrate=False, which takes sensors and wheels as nominal"
             )
+        if self.settings.inflate:
+            raise ValueError("MomentumSmoother takes the readings' noise as it is told: use inflate=False")
         forward = MomentumEKF(**self.settings.to_dict()).run(prior, gyro, wheel_speed, dt)
         return self.correct(forward, prior, wheel_speed, dt)
 

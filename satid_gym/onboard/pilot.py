@@ -29,9 +29,9 @@ _SAME = 1e-6  # of the sample period, within which two intervals are the same
 class Pilot:
     """Flies a policy on readings that come from anywhere: another simulator, a test bench, a satellite.
 
-    Give it every reading of gyro and wheel speeds, once a sample period or as they come; it answers with the motor
-    torque to command, which changes once a decision period, under control "rate" with every reading. On the same
-    readings it commands what the environment commands and believes what its filter believes.
+    Give it every reading of gyro and wheel speeds; it answers with the motor torque to command, new once a decision
+    period, under control "rate" with every reading. On the same readings it commands and believes what the environment
+    does.
 
     A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel speeds
     it waits for the next ones and crosses the gap with speeds between the two. A decision that falls due without wheel
@@ -222,14 +222,13 @@ class Pilot:
         """Ask the policy, once for each decision that is due, so that one that counts them keeps up."""
         for _ in range(due):
             action = real_action("action", self.policy(self._observation.copy()))
-        self._decided += due
+        self._decided, self.status.counts["missed"] = self._decided + due, self.status.counts["missed"] + due - 1
         self._tasks["nis_sum"], self._tasks["nis_count"] = 0.0, 0
-        self.status.counts["missed"] += due - 1
         if action.shape != (1, self.problem.actions) or not np.isfinite(action).all():
-            return self._coast(f"policy {self.policy.name} gave no action: {action.tolist()}")
-        self._hold(np.clip(action[0].astype(float), -1.0, 1.0))
-        self.status.state = "flying"
-        return None
+            self._coast(f"policy {self.policy.name} gave no action: {action.tolist()}")
+        else:
+            self._hold(np.clip(action[0].astype(float), -1.0, 1.0))
+            self.status.state = "flying"
 
     def _steer(self) -> None:
         """Follow the rate that the policy commands, where it commands one."""
@@ -244,11 +243,8 @@ class Pilot:
 
     def _hold(self, fraction: np.ndarray) -> None:
         """Command a fraction of the motors' limits (n,) or of the rate limit (3,) until the next decision."""
-        task = self._tasks[0]
+        task, rates = self._tasks[0], self.problem.control == "rate"
         task["command"] = fraction
-        if self.problem.control == "rate":
-            task["tracking"]["reference"] = fraction * task["rate_limit"]
-            self._torque = np.zeros_like(self._torque)  # until the rate loop has one
-        else:
-            self._torque = fraction * task["torque_max"]
+        task["tracking"]["reference"] = fraction * task["rate_limit"] if rates else 0.0
+        self._torque = np.zeros_like(self._torque) if rates else fraction * task["torque_max"]
         self._work["torque"][0] = self._torque

@@ -8,7 +8,15 @@ from __future__ import annotations
 from enum import IntEnum
 
 from satid_gym.core.algebra import load
-from satid_gym.core.belief import alignment, calibration, modes, momentum_filter, momentum_start, rate_filter
+from satid_gym.core.belief import (
+    alignment,
+    calibration,
+    modes,
+    momentum_filter,
+    momentum_start,
+    rate_filter,
+    whiteness,
+)
 from satid_gym.core.jit import inline
 from satid_gym.core.records import ObservationForm
 
@@ -26,6 +34,7 @@ _BODY = int(ObservationForm.BODY)
 @inline
 def start(belief, work, gyro, tachometer):
     """Belief after the first reading."""
+    whiteness.start(belief)
     if belief.kind == _MOMENTUM:
         momentum_start.start(belief, work, gyro, tachometer)
     else:
@@ -107,3 +116,12 @@ def state_scale(belief, task, i):
             return belief.calibration.prior_covariance[error, error] ** 0.5
         return modes.state_scale(belief, task.rate_limit, i - belief.modes.first)
     return task.rate_limit if i < 3 else task.wheel_speed_max[i - 3 - p]
+
+
+@inline
+def tell(belief, report):
+    """Write what the filter says of itself, beside its estimate, to a report."""
+    state, walk = belief.whiteness, whiteness.inertia_walk(belief)
+    report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state, walk)
+    report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state, walk) else 0, state.factor
+    report.inertia_walk, report.steps_found = walk, belief.adaptation.steps

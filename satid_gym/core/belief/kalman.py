@@ -132,7 +132,8 @@ def update(belief, work, rows, support):
     Each scalar has unit noise: work.innovation[r] = work.rows[r] . (x - mean) + N(0, 1); only the first
     `support` entries of a row are used. Joseph's form (1 - K h) P (1 - K h)^T + K K^T, expanded so that P
     stays symmetric; its second half, which mends rounding, is left out where little cancels. Returns the
-    normalised innovation squared, chi-square with `rows` degrees of freedom.
+    normalised innovation squared, chi-square with `rows` degrees of freedom, and leaves the normalised innovation in
+    work.normalised.
     """
     covariance, ph, gain, delta = belief.covariance, work.ph, work.gain, work.delta
     size = belief.mean.shape[0]
@@ -152,6 +153,7 @@ def update(belief, work, rows, support):
             variance += h[k] * ph[k]
             innovation -= h[k] * delta[k]
         nis += innovation * innovation / variance
+        work.innovation_variance[r], work.normalised[r] = variance, innovation / np.sqrt(variance)
         for i in range(size):
             gain[i] = ph[i] / variance
             delta[i] += gain[i] * innovation

@@ -33,6 +33,7 @@ from satid_gym.core.belief import (
     modes,
     momentum_model,
     retraction,
+    whiteness,
 )
 from satid_gym.core.belief.kalman import (
     estimated_inertia,
@@ -162,11 +163,12 @@ def _update(belief, work, gyro):
     if belief.rate_coordinates != 0 and belief.stepped == 0:
         return _update_rate(belief, work, support)
     if not _is_coarse(belief):
-        if belief.adaptation.on == 0:
-            return update(belief, work, 3, support)
-        adaptation.keep(belief, work)
+        if belief.adaptation.on != 0:
+            adaptation.keep(belief, work)
         nis = update(belief, work, 3, support)
-        adaptation.learn(belief, work)
+        if belief.adaptation.on != 0:
+            adaptation.learn(belief, work)
+        whiteness.note(belief, work)
         return nis
     if belief.adaptation.on != 0:
         adaptation.forget(belief.adaptation)
@@ -192,8 +194,8 @@ def _update_rate(belief, work, support):
 
     Not after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
     """
-    adapts = belief.adaptation.on != 0
-    if adapts and _is_coarse(belief):
+    coarse, adapts = _is_coarse(belief), belief.adaptation.on != 0
+    if adapts and coarse:
         adaptation.forget(belief.adaptation)
         adapts = False
     if adapts:
@@ -203,6 +205,8 @@ def _update_rate(belief, work, support):
     if adapts:
         adaptation.learn(belief, work)
     retraction.finish(belief, work)
+    if not coarse:
+        whiteness.note(belief, work)
     return nis
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from satid_gym.core.algebra import (
     add,
     add_diagonal,
+    axpy_symmetric,
     congruence,
     inverse,
     load,
@@ -133,7 +134,7 @@ def linearise(belief, work, gyro):
     if belief.alignment.noise_taps > 0:  # the tachometers' noise is in the states
         noise = add_diagonal(belief.gyro_std**2, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     store(work.innovation, residual)
-    whiten(work, noise, support(belief))
+    whiten(work, axpy_symmetric(belief.whiteness.factor - 1.0, noise, noise), support(belief))
 
 
 @inline

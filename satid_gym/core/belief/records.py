@@ -11,6 +11,7 @@ from satid_gym.core.belief.alignment import alignment_dtype
 from satid_gym.core.belief.calibration import calibration_dtype
 from satid_gym.core.belief.gating import gate_dtype
 from satid_gym.core.belief.modes import modes_dtype, modes_work_dtype
+from satid_gym.core.belief.whiteness import whiteness_dtype
 from satid_gym.core.records import FLOAT, INT
 
 
@@ -57,6 +58,7 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lin
             ("modes", modes_dtype(modes)),
             ("calibration", calibration_dtype(n, errors)),
             ("alignment", alignment_dtype(n, lines)),
+            ("whiteness", whiteness_dtype()),
         ],
         align=True,
     )
@@ -83,6 +85,8 @@ def work_dtype(n: int, p: int, size: int, modes: int = 0) -> np.dtype:
             ("delta", FLOAT, wide),
             ("theta", FLOAT, p),
             ("innovation", FLOAT, 3 + n),
+            ("normalised", FLOAT, 3 + n),  # innovation, each scalar given those before it
+            ("innovation_variance", FLOAT, 3 + n),  # of each, over that of its noise
             ("block", FLOAT, (p, p)),
             ("theta_covariance", FLOAT, (p, p)),
             ("adaptation", adaptation_work_dtype(p)),

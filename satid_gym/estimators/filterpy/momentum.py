@@ -60,6 +60,8 @@ class FilterpyMomentumEKF(Reference):
         super().__init__(self.momentum)
         if self.momentum.adaptive and type(self) is FilterpyMomentumEKF:
             raise ValueError("FilterpyMomentumEKF has no adaptation: use FilterpyAdaptiveEKF, or adaptive=False")
+        if self.momentum.inflate:
+            raise ValueError(f"{type(self).__name__} does not inflate: use MomentumEKF, or inflate=False")
         self._gate: Gate | None = None
 
     def reset(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray) -> None:

@@ -1,0 +1,150 @@
+"""Whiteness: the innovations of the MomentumEKF, watched for what its model leaves out.
+
+A consistent filter's normalised innovations e (3) are white with unit variance. What is not modelled, as a panel's
+ringing or slosh, makes them larger, or alike from one reading to the next (coloured). For time constants of T samples
+
+    y += (1 - a) (e - y),   a = exp(-1 / T);   R = mean of y^2 (1 + a) / (1 - a)
+
+R is the variance of e in the long run, sum over k of a^|k| E[e(t) e(t - k)], over that of white ones: 1 where nothing
+is left out. T = 0 gives the mean NIS, by axis. Means are over the last MEMORY readings and begin with PRIOR readings
+as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R, for the two
+shortest T raised to where flights with a periodic inertia on tuning seeds seldom come. An inertia that varies and is
+followed with a lag colours innovations slowly too, so beyond the _FAST shortest T an R counts only while the filter's
+own walk says that the inertia hardly varies, or, with `inflate`, once another R has gone beyond its limit.
+
+With `inflate` the readings' noise covariance is multiplied by F, the square of the largest R / limit beyond 1: what is
+left out is no noise that averages out, but comes with the motion that tells of the inertia. Where F is the largest so
+far, the covariance is multiplied by what F has grown, theta's at most to its prior: what was learned before was learned
+from the same readings.
+Source: Mehra, On the identification of variances and adaptive Kalman filtering (1970), for the test; Newey and West,
+A simple positive semi-definite heteroskedasticity and autocorrelation consistent covariance matrix (1987), for the
+variance in the long run. The factor is this project's, tuned on tuning seeds.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core.jit import inline, outline
+from satid_gym.core.records import FLOAT, INT
+
+TIME_CONSTANTS = (0.0, 3.0, 10.0, 30.0, 100.0)  # T, samples
+LIMITS = (1.4, 1.9, 2.28, 3.42, 4.89)  # of R, see baselines/tuning/whiteness_limits.py
+FALSE_ALARM_RATE = 0.01  # share of white flights of 3000 readings that go beyond a limit, at most
+MEMORY, PRIOR = 1000, 100  # readings
+_KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
+_FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
+_FACTOR_MAX = 1e4
+_STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies
+_COUNT = len(TIME_CONSTANTS)
+
+
+@functools.cache
+def whiteness_dtype() -> np.dtype:
+    """Whiteness: its setting and state; as of white innovations where nothing is watched."""
+    return np.dtype(
+        [
+            ("inflate", INT),  # 1: F counts
+            ("readings", INT),  # that were watched
+            ("smoothed", FLOAT, (_COUNT, 3)),  # y
+            ("kept", FLOAT, _COUNT),  # a^(2 readings): share of y's variance that is yet to come
+            ("variance", FLOAT, (_COUNT, 3)),  # R
+            ("factor", FLOAT),  # F; 1 without alarm, and without `inflate`
+            ("factor_max", FLOAT),  # largest so far
+        ],
+        align=True,
+    )
+
+
+@inline
+def start(belief):
+    """State before the first reading: everything is as expected."""
+    state = belief.whiteness
+    state.readings = 0
+    state.factor = state.factor_max = 1.0
+    for k in range(_COUNT):
+        state.kept[k] = 1.0
+        for i in range(3):
+            state.smoothed[k, i] = 0.0
+            state.variance[k, i] = 1.0
+
+
+@outline
+def note(belief, work):
+    """Take in the innovation of the update that was just made, and inflate what that calls for."""
+    state = belief.whiteness
+    state.readings += 1
+    weight = 1.0 / min(state.readings + PRIOR, MEMORY)
+    for i in range(3):
+        variance = work.innovation_variance[i]
+        e = work.normalised[i] * np.sqrt(state.factor * variance / (1.0 + state.factor * (variance - 1.0)))
+        for k in range(_COUNT):
+            a = _KEPT[k]
+            if i == 0:
+                state.kept[k] *= a * a
+            y = state.smoothed[k, i] + (1.0 - a) * (e - state.smoothed[k, i])
+            state.smoothed[k, i] = y
+            ratio = y * y * (1.0 + a) / ((1.0 - a) * (1.0 - state.kept[k]))
+            state.variance[k, i] += weight * (ratio - state.variance[k, i])
+    if state.inflate != 0:
+        _inflate(belief)
+
+
+@inline
+def inertia_walk(belief):
+    """Random walk of each moment over its scale that the filter uses, per sqrt(s)."""
+    adapts = belief.adaptation.on != 0
+    return belief.adaptation.walk if adapts else belief.walk[3] / belief.theta_scale[0]
+
+
+@inline
+def excess(state, k):
+    """R over its limit for time constant k, the largest of the three axes."""
+    R = state.variance
+    return max(R[k, 0], R[k, 1], R[k, 2]) / LIMITS[k]
+
+
+@inline
+def mean_nis(state):
+    """Mean normalised innovation squared per degree of freedom."""
+    return (state.variance[0, 0] + state.variance[0, 1] + state.variance[0, 2]) / 3.0
+
+
+@inline
+def _counted(state, walk):
+    """How many time constants count for a filter whose inertia walks so, per sqrt(s)."""
+    return _COUNT if walk <= _STILL or state.factor_max > 1.0 else _FAST
+
+
+@inline
+def colour(state, walk):
+    """R over its limit, the largest of those that count but the mean NIS."""
+    largest = 0.0
+    for k in range(1, _counted(state, walk)):
+        largest = max(largest, excess(state, k))
+    return largest
+
+
+@inline
+def is_alarmed(state, walk):
+    """Whether innovations are larger, or more coloured, than those of white flights."""
+    return excess(state, 0) > 1.0 or colour(state, walk) > 1.0
+
+
+@inline
+def _inflate(belief):
+    """Set F by the innovations; raise the covariance where F is the largest so far."""
+    state = belief.whiteness
+    beyond = max(1.0, excess(state, 0), colour(state, inertia_walk(belief)))
+    state.factor = factor = min(beyond * beyond, _FACTOR_MAX)
+    if factor <= state.factor_max:
+        return
+    growth = factor / state.factor_max
+    state.factor_max = factor
+    for k in range(belief.prior_theta_std.shape[0]):
+        growth = min(growth, belief.prior_theta_std[k] ** 2 / belief.covariance[3 + k, 3 + k])
+    for i in range(belief.mean.shape[0] if growth > 1.0 else 0):
+        for j in range(belief.mean.shape[0]):
+            belief.covariance[i, j] *= growth
