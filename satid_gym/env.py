@@ -71,7 +71,7 @@ limit for momentum, prior std for torque, limits for rate and wheel speeds; -10 
 without the 3 x p block that `correlation` holds |
 
     ## Observation in the body frame
-    `observation="body"`: `Box(-10, 10, (25 + 5 p + 10 m,), float32)` for a filter that estimates m modes of panels and
+    `observation="body"`: `Box(-10, 10, (25 + 5 p + 11 m,), float32)` for a filter that estimates m modes of panels and
     slosh, 40 numbers for p = 3 and m = 0. What the wheels do to the body takes the place of each wheel's state, so
     that neither size nor meaning depends on how many there are (but for the last two parts where the RateEKF flies or
     wheels have tolerances). The first three parts below replace `wheel_speed` and `command`, in their places, the
@@ -87,7 +87,7 @@ while each rate is within its limit, by the belief and by least norm of wheel mo
 abs(A) u_max |
     | nis | 1 | log10 of the decision's mean normalised innovation squared, per degree of freedom: about 0 when \
 honest, and 0 where no reading was compared |
-    | modes | 10 m | of each mode in turn, the numbers of the next table |
+    | modes | 11 m | of each mode in turn, the numbers of the next table |
 
     ## Modes in the observation
     eta is the mode's deflection, d its coupling, w its frequency in rad/s, zeta its damping ratio, as in

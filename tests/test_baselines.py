@@ -17,6 +17,9 @@ from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.profiles import PAPER_AMPLITUDES, PROFILES
 
+# settings for panels and tanks are found by the gate, not by `baselines.tune`
+TUNED_SCENARIOS = [name for name, scenario in SCENARIOS.items() if scenario.appendages is None]
+
 
 def mission(satellite="microsat", **settings):
     return missions(problem(satellite, **settings))[0]
@@ -174,7 +177,7 @@ def test_rate_square_margin_trades_the_time_outside():
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_every_baseline_is_tuned_and_acts_within_bounds(name):
-    for scenario in SCENARIOS:
+    for scenario in TUNED_SCENARIOS:
         for satellite in SATELLITES:
             policy = make_baseline(name, satellite, scenario)
             assert policy.name == name
@@ -268,7 +271,7 @@ def test_the_papers_profiles_are_a_closed_set():
 
 def test_stored_settings_keep_the_rule():
     for name in tunable():
-        for scenario in SCENARIOS:
+        for scenario in TUNED_SCENARIOS:
             for satellite in SATELLITES:
                 entry = tuned_entry(name, satellite, scenario)
                 assert entry["inside"] == (max(entry["outside_fraction"], entry["saturated_fraction"]) <= 0.01)

@@ -219,7 +219,7 @@ def test_paper_satellites():
 
 
 def test_scenarios():
-    assert sorted(SCENARIOS) == ["default", "faults", "paper", "tight"]
+    assert sorted(SCENARIOS) == ["default", "faults", "flex", "paper", "slosh", "tight"]
     default, tight, paper = SCENARIOS["default"], SCENARIOS["tight"], SCENARIOS["paper"]
     assert (default.decisions, default.samples, paper.samples) == (300, 10, 1)
     microsat = SATELLITES["microsat"]
@@ -233,6 +233,7 @@ def test_scenarios():
     assert problem().estimator == problem(scenario="tight").estimator == default
     assert problem(scenario="faults").estimator == default.replace(gate=1e-6)
     assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
+    assert [name for name in SCENARIOS if SCENARIOS[name].appendages is not None] == ["flex", "slosh"]
 
 
 def test_arrays_of_settings_cannot_be_changed():

@@ -50,7 +50,10 @@ def assert_same_steps(one: list, other: list, tolerance: float = 0.0) -> None:
         assert (ta, ua) == (tb, ub)
         assert list(ia) == list(ib)
         for key, value in ia.items():
-            np.testing.assert_allclose(value, ib[key], rtol=tolerance, atol=tolerance, err_msg=key)
+            if key == "costs":
+                assert value == pytest.approx(ib[key], rel=tolerance, abs=tolerance)
+            else:
+                np.testing.assert_allclose(value, ib[key], rtol=tolerance, atol=tolerance, err_msg=key)
 
 
 def state_of(env: SatInertiaIDEnv) -> bytes:
@@ -73,6 +76,9 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
         {"estimator": "adaptive"},
         {"include_covariance": True},
         {"estimator": "rate", "include_covariance": True},
+        {"control": "rate"},
+        {"scenario": "flex", "control": "rate", "observation": "body"},
+        {"scenario": "slosh"},
     ],
     ids=str,
 )
@@ -148,7 +154,8 @@ def test_returned_types_are_pythons():
     assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
     assert tuple(info) == INFO_KEYS
     for key, value in info.items():
-        assert type(value) in (bool, float, int, np.ndarray), key
+        assert type(value) in (bool, float, int, np.ndarray, dict), key
+    assert {type(cost) for cost in info["costs"].values()} == {float}
     assert info["saturated"].dtype == bool
     assert info["inertia_true"].shape == info["inertia_estimate"].shape == (3, 3)
 

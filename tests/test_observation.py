@@ -70,9 +70,9 @@ def test_layout_is_contiguous_and_fills_the_space():
     for n, p, modes in ((3, 3, 0), (4, 6, 0), (8, 6, 3)):
         parts = list(layout(n, p, form="body", mode_count=modes).values())
         assert all(a.stop == b.start for a, b in itertools.pairwise(parts))
-        assert parts[-1].stop == 25 + 5 * p + 10 * modes
+        assert parts[-1].stop == 25 + 5 * p + 11 * modes
     env = SatInertiaIDEnv(FLEXIBLE, observation="body")
-    assert env.observation_space.shape == (50,)
+    assert env.observation_space.shape == (51,)
     assert env.layout == layout(3, 3, form="body", mode_count=1)
     rigid = SatInertiaIDEnv(FLEXIBLE, estimator={"name": "momentum", "flexible": False}, observation="body")
     assert rigid.observation_space.shape == (40,)
@@ -343,6 +343,7 @@ def test_modes_are_the_beliefs():
         expected = {
             "deflection": eta * w / rung,
             "deflection_rate": (p - d @ omega) / rung,
+            "deflection_limit": 10.0,  # the panels have none
             "frequency": 2.0 * mode.frequency * np.exp(log_w),
             "frequency_std": np.log10(std[11]) + 2.0,
             "coupling": d / np.sqrt(mean[3:6]),
@@ -357,7 +358,7 @@ def test_modes_are_the_beliefs():
         shown = observation[env.layout["state_uncertainty"]]  # of momentum, torque and the five states of the mode
         np.testing.assert_allclose(10.0 ** (shown[6:10] - 2.0), std[9:13] / [rung / w, rung, 1.0, 1.0], rtol=1e-5)
         assert shown[10] == -10.0
-        np.testing.assert_array_equal(seen[places[4] : places[4] + 2], 0.0)  # panels turn z alone
+        np.testing.assert_array_equal(seen[places[5] : places[5] + 2], 0.0)  # panels turn z alone
         observation, *_ = env.step(rng.uniform(-0.3, 0.3, 3).astype(np.float32))
 
 

@@ -283,11 +283,11 @@ def quiet(**plant) -> SatInertiaIDEnv:
         gyro_noise_std=0.0,
         tachometer_noise_std=0.0,
         gyro_bias_walk=0.0,
-        faults={"tachometer_stuck": 1e-12},
+        faults={"tachometer_stuck": 1e-12, "torque_delay": (0, 3)},
     )
     env = SatInertiaIDEnv(scenario=scenario)
     env.reset(seed=0)
-    for name, value in plant.items():
+    for name, value in {"torque_delay": 0, **plant}.items():
         env.fleet.rows.plants[name][0] = value
     return env
 
@@ -549,7 +549,7 @@ def test_truth_of_faults_is_not_in_the_observation():
         ({"time": (0.5,)}, r"time must be a range \(low, high\)"),
         ({"wheel_loss_size": (0.9, 0.1)}, "with low <= high"),
         ({"torque_delay": (0, 1.5)}, r"torque_delay must be integers \(samples\)"),
-        ({"torque_delay": (0, 11)}, "torque_delay must be at most a decision, 10 samples"),
+        ({"torque_delay": (0, 11)}, "torque_delay must be at most a decision and 1000 samples, here 10"),
         ({"gyro_dropouts": 0.5}, "Did you mean 'gyro_dropout'"),
     ],
 )

@@ -65,7 +65,11 @@ def test_environment_i_equals_the_single_one_seeded_s_plus_i(count, threads, sin
             assert rewards[i] == pytest.approx(reward, abs=1e-9)
             assert (terminations[i], truncations[i]) == (terminated, truncated)
             for key in INFO_KEYS:
-                np.testing.assert_allclose(infos[key][i], info[key], rtol=1e-9, atol=1e-12, err_msg=key)
+                if key == "costs":
+                    found = {name: infos[key][name][i] for name in info[key]}
+                    assert found == pytest.approx(info[key], rel=1e-9, abs=1e-12)
+                else:
+                    np.testing.assert_allclose(infos[key][i], info[key], rtol=1e-9, atol=1e-12, err_msg=key)
             ends += terminated or truncated
     assert ends >= 3 * min(count, 64)
 
@@ -92,6 +96,8 @@ def assert_same_infos(own: dict, expected: dict) -> None:
                 assert (a is None) == (b is None)
                 if a is not None:
                     np.testing.assert_array_equal(a, b)
+        elif key == "costs":  # by name
+            assert_same_infos(own[key], value)
         else:
             assert own[key].shape == value.shape, key
             assert own[key].dtype.kind == value.dtype.kind, key

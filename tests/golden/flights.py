@@ -68,6 +68,9 @@ CASES: dict[str, dict[str, Any]] = {
             ("deployment", {}, "deployment", {}),
         )
     },
+    "rates, friction": {"control": "rate", "scenario": {"friction": {"coulomb": 5e-3, "static": 8e-3}}},
+    "rates, flex, body": {"scenario": "flex", "control": "rate", "observation": "body", "inertia": "static"},
+    "slosh, smallsat": {"satellite": "smallsat", "scenario": "slosh", "inertia": "step"},
 }
 
 

@@ -34,7 +34,6 @@ _BODY = int(ObservationForm.BODY)
 @inline
 def start(belief, work, gyro, tachometer):
     """Belief after the first reading."""
-    whiteness.start(belief)
     if belief.kind == _MOMENTUM:
         momentum_start.start(belief, work, gyro, tachometer)
     else:

@@ -11,7 +11,7 @@ from satid_gym.core.algebra import (
     store,
     store_symmetric,
 )
-from satid_gym.core.belief import adaptation, alignment, calibration, gating, modes
+from satid_gym.core.belief import adaptation, alignment, calibration, gating, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -20,6 +20,7 @@ from satid_gym.core.jit import inline, outline
 def start(belief, work, gyro, tachometer):
     """First mean and covariance: the prior on theta, and M0 = J omega + a of the first reading."""
     start_theta(belief)
+    whiteness.start(belief)
     p = belief.prior_theta.shape[0]
     gating.begin(belief, gyro, tachometer)
     calibration.start(belief)

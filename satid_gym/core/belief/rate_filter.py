@@ -19,6 +19,7 @@ from satid_gym.core.algebra import (
     store,
     store_symmetric,
 )
+from satid_gym.core.belief import whiteness
 from satid_gym.core.belief.kalman import (
     estimated_inertia,
     propagate,
@@ -37,6 +38,7 @@ _IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 def start(belief, work, gyro, tachometer):
     """First mean and covariance: the first reading, and the prior variances."""
     start_theta(belief)
+    whiteness.start(belief)
     p = belief.prior_theta.shape[0]
     store(belief.mean, load(gyro))
     for i in range(3):

@@ -1,0 +1,180 @@
+"""The rate loop of the environment, `control="rate"`: by hand, against the truth, and in the worlds it is made for."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+from satid_gym import SATELLITES, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym.estimators import MomentumEKF
+from satid_gym.evaluation import fly, seeds
+from satid_gym.policies import build
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policy import missions
+from satid_gym.problem import problem
+from tests.cases import cases
+
+QUIET = {
+    "torque_noise": 0.0,
+    "gyro_noise_std": 1e-9,
+    "gyro_bias_walk": 0.0,
+    "tachometer_noise_std": 1e-6,
+    "disturbance_scale": 0.0,
+    "gravity_gradient": False,
+    "solar_pressure": 0.0,
+    "initial_rate_std": 0.0,
+    "wheel_speed_range": 0.0,
+    "inertia_std": 0.0,
+    "prior_std": 1e-4,
+}
+LIMIT = SATELLITES["microsat"].rate_limit
+
+
+def test_a_small_step_is_followed_as_by_a_first_order_loop():
+    """Of the error 1 - k dt = 0.9 is left after each sample: 1 - 0.9^10 of the step is made after ten, and so on."""
+    env = SatInertiaIDEnv("microsat", "static", QUIET, control="rate")
+    env.reset(seed=0)
+    step = np.array([0.05, -0.03, 0.02])
+    for decision in range(1, 5):
+        env.step(step)
+        expected = LIMIT * step * (1.0 - 0.9 ** (10 * decision))
+        np.testing.assert_allclose(env.fleet.rows.plants["rate"][0], expected, rtol=2e-3)
+
+
+def test_a_bandwidth_beyond_half_a_sample_is_cut_to_it():
+    env = SatInertiaIDEnv("microsat", "static", {**QUIET, "rate_bandwidth": 50.0}, control="rate")
+    env.reset(seed=0)
+    env.step(np.array([1e-3, 0.0, 0.0]))
+    assert env.fleet.rows.plants["rate"][0, 0] == pytest.approx(1e-3 * LIMIT * (1.0 - 0.5**10), rel=1e-3)
+
+
+def test_it_learns_how_strong_the_motors_are_and_what_their_bearings_take():
+    """The truth is not told: a wheel that has lost 40 % of its torque, and Coulomb friction of 5 and 2 of 100 mN m."""
+    world = {
+        **QUIET,
+        "torque_noise": 0.02,
+        "wheel_speed_range": 0.2,
+        "friction": {"coulomb": 5e-3},
+        "faults": {"wheel_loss": 1.0, "wheel_loss_size": (0.4, 0.4), "time": (0.01, 0.01)},
+    }
+    env = SatInertiaIDEnv("microsat", "static", world, control="rate")
+    for seed in range(3):
+        env.reset(seed=seed)
+        for decision in range(120):
+            env.step(0.5 * np.where((decision / 16.0 + np.arange(3) / 3.0) % 1.0 < 0.5, 1.0, -1.0))
+        motors = env.fleet.rows.tasks["tracking"]["motors"]
+        weak = int(env.fleet.rows.plants["wheel_loss_wheel"][0])
+        gains = np.where(np.arange(3) == weak, 0.6, 1.0)
+        np.testing.assert_allclose(motors["gain"][0], gains, atol=0.06)
+        np.testing.assert_allclose(motors["friction"][0], 0.05, atol=0.015)
+
+
+def test_wheels_that_turn_against_each_other_are_brought_to_share(pyramid):
+    """What cancels among four wheels leaves within tens of seconds, and the body does not feel it."""
+    env = SatInertiaIDEnv(pyramid, "static", {**QUIET, "wheel_speed_range": 0.3}, control="rate")
+    env.reset(seed=1)
+    axes = pyramid.wheels.axes
+    null = np.linalg.svd(axes)[2][3]
+    against, rates = [], []
+    for _ in range(60):
+        spin = pyramid.wheels.inertia * env.fleet.rows.plants["wheel_speed"][0]
+        against.append(abs(null @ spin))
+        env.step(np.zeros(3))
+        rates.append(np.abs(env.fleet.rows.plants["rate"][0]).max())
+    assert against[0] > 0.02
+    assert against[-1] < 0.1 * against[0]
+    assert max(rates) < 1e-3 * pyramid.rate_limit
+
+
+def flown(control, scenario, satellite="microsat", episodes=8):
+    """Share of the time outside the envelope."""
+    policy = RateSquarePolicy(36.0, 3.5 if control == "rate" else 2.5)
+    flight = fly(
+        policy, satellite=satellite, inertia="static", seeds=seeds("validation", episodes), scenario=scenario,
+        control=control,
+    )  # fmt: skip
+    return float(flight.scores()["outside_fraction"].mean())
+
+
+@cases(
+    ("name", "scenario", "most"),
+    [
+        ("as nominal", {}, 0.001),
+        ("friction 5 of 100 mN m", {"friction": {"coulomb": 5e-3}}, 0.002),
+        ("inertia off by 30 %", {"inertia_std": 0.3}, 0.005),
+        ("commands 1 sample late", {"faults": {"torque_delay": (1, 1)}}, 0.005),
+        ("commands 3 samples late", {"faults": {"torque_delay": (3, 3)}}, 0.01),
+    ],
+)
+def test_rates_stay_inside_where_the_deadbeat_loop_does_not(name, scenario, most):
+    assert flown("rate", scenario) <= most
+    if "late" in name:
+        assert flown("torque", scenario) > 0.2
+
+
+def test_single_and_vector_agree_and_a_pickle_goes_on():
+    settings = {"satellite": "microsat", "scenario": "faults", "control": "rate"}
+    one, many = SatInertiaIDEnv(**settings), SatInertiaIDVectorEnv(3, **settings)
+    assert one.action_space.shape == (3,)
+    (a, _), (b, _) = one.reset(seed=5), many.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for decision in range(12):
+        np.testing.assert_array_equal(a, b[1])
+        action = rng.uniform(-1.0, 1.0, 3).astype(np.float32)
+        if decision == 6:
+            one = pickle.loads(pickle.dumps(one))
+        a, b = one.step(action)[0], many.step(np.tile(action, (3, 1)))[0]
+
+
+def test_an_estimator_of_ones_own_steers_as_the_compiled_one():
+    scenario = {"friction": {"coulomb": 5e-3}}
+    own = SatInertiaIDEnv("microsat", "static", scenario, MomentumEKF(parameters="principal"), control="rate")
+    compiled = SatInertiaIDEnv(
+        "microsat", "static", scenario, {"name": "momentum", "parameters": "principal"}, control="rate"
+    )
+    own.reset(seed=3)
+    compiled.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        action = rng.uniform(-0.5, 0.5, 3)
+        (a, *_, one), (b, *_, other) = own.step(action), compiled.step(action)
+        np.testing.assert_allclose(a, b, atol=2e-6)
+        np.testing.assert_allclose(one["torque_applied"], other["torque_applied"], rtol=1e-7, atol=1e-12)
+
+
+def test_profiles_command_rates_there():
+    (mission,) = missions(problem(control="rate"))
+    profile = build("sine", {"amplitude": 0.5})
+    profile.reset(mission, [0])
+    env = SatInertiaIDEnv("microsat", "static", QUIET, control="rate")
+    observation, _ = env.reset(seed=0)
+    action = profile(observation[None])
+    assert action.shape == (1, 3)
+    assert np.abs(action).max() <= 0.5
+
+
+def test_what_cannot_be_is_refused(pyramid):
+    with pytest.raises(ValueError, match=r"unknown control.*'rates'.*Did you mean 'rate'"):
+        SatInertiaIDEnv(control="rates")
+    for bandwidth in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match="rate_bandwidth"):
+            SatInertiaIDEnv(scenario={"rate_bandwidth": bandwidth}, control="rate")
+    env = SatInertiaIDEnv(pyramid, control="rate")
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"\(3,\)"):
+        env.step(np.zeros(4, np.float32))
+    with pytest.raises(ValueError, match="action"):
+        env.step(np.array([0.0, np.nan, 0.0]))
+
+
+@pytest.mark.slow
+def test_other_satellites_and_worlds_stay_inside(pyramid):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for satellite in ("cubesat", "smallsat", pyramid):
+            assert flown("rate", {}, satellite) <= 0.01
+        assert flown("rate", {"tilt_std": 0.15}) <= 0.005
+        assert flown("rate", {"sensors": {"tachometer_delay": 1.0}}) <= 0.01
