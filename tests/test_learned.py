@@ -108,7 +108,7 @@ def test_it_observes_in_the_body_frame_and_its_file_says_so(tmp_path):
     with pytest.raises(ValueError, match='x observes "body", this environment gives "wheels"'):
         again.reset(mission, [0])
     rates = LearnedPolicy("x", network(inputs=40), "rate", 2.4, observation="body")
-    with pytest.raises(ValueError, match="needs? the speed of each wheel"):
+    with pytest.raises(ValueError, match="need the speed of each wheel"):
         rates.reset(missions(problem(observation="body"))[0], [0])
     assert np.isfinite(fly(rates, **cell, control="rate").error).all()
     with pytest.raises(ValueError, match="unknown observation of a learned policy 'wheel'"):
