@@ -16,7 +16,7 @@ from satid_gym.config import check_integer, unknown_name
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.laws import InertiaLaw
-from satid_gym.policy import Policy, missions, observation_settings
+from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.resolution import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
@@ -130,7 +130,7 @@ def fly(
         **observation_settings(policy),
     )
     world = env.problem.scenario
-    mission = missions(env.problem)[0]  # of a scenario's data sheets: they differ in appendages alone
+    mission = only_mission(env.problem)
     policy.reset(mission, seeds)
     observation, _ = env.reset(seed=list(seeds))
     decisions, count = world.decisions, len(seeds)

@@ -63,6 +63,21 @@ def missions(problem: Problem) -> list[Mission]:
     ]
 
 
+def only_mission(problem: Problem) -> Mission:
+    """Mission of a problem's only satellite, or of its first data sheet where a scenario has drawn several for it.
+
+    What the sheets differ in, panels and tanks, a policy sees in the observation alone.
+
+    Raises:
+        ValueError: the problem has several satellites.
+    """
+    first, *others = (satellite.replace(oscillators=()) for satellite in problem.satellites)
+    if any(other != first for other in others):
+        names = list(dict.fromkeys(satellite.name for satellite in problem.satellites))
+        raise ValueError(f"a policy is told of one satellite, and here are {names}: fly each by itself")
+    return missions(problem)[0]
+
+
 class Policy(Protocol):
     """Choice of actions for a batch of episodes that run side by side.
 

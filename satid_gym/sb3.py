@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
-from satid_gym.control.rate_loop import RateLoop
+from satid_gym.control.rate_loop import rate_loop
 from satid_gym.policy import missions
 from satid_gym.vector import SatInertiaIDVectorEnv
 
@@ -138,7 +138,7 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
 
     Args:
         num_envs: number of environments.
-        margin: of the rate loop, see `satid_gym.control.rate_loop.RateLoop`; None means that actions are wheel torque.
+        margin: of the rate loop, see `satid_gym.control.rate_loop`; None means that actions are the environment's own.
         **settings: of `SatInertiaIDVecEnv`.
 
     Attributes:
@@ -148,7 +148,7 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
     def __init__(self, num_envs: int, *, margin: float | None = 2.6, **settings: Any) -> None:
         super().__init__(num_envs, **settings)
         self.seconds = 0.0
-        self._loop = None if margin is None else RateLoop(missions(self.vector_env.problem), margin)
+        self._loop = None if margin is None else rate_loop(missions(self.vector_env.problem), margin)
         self._observations = np.empty((num_envs, 0), np.float32)  # until reset
         self._rows = np.full(num_envs, -1)
         if self._loop is not None:
@@ -160,7 +160,7 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
         return self._observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Convert rate commands to torque and keep it for `step_wait`."""
+        """Convert rate commands to the environment's actions and keep these for `step_wait`."""
         start = time.perf_counter()
         if self._loop is not None:
             rows = self.vector_env.satellite_index

@@ -23,6 +23,8 @@ from satid_gym.tolerances import Tolerances, tolerances_of
 _SAMPLES_MAX = 100_000  # a decision
 _DECISIONS_MAX = 1_000_000_000  # an episode
 _DELAY_MAX = 1000  # of a command, in samples
+_STEP_MAX = 0.5  # of the rate error that the rate loop takes away in a sample
+_PHASE_MAX = 0.2  # rad, that a late command may cost the rate loop
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,7 +57,7 @@ class Scenario(Config):
         orbit_rate: rad/s.
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
-        rate_bandwidth: rad/s, of the rate loop under control="rate"; at most half of the sampling frequency is used.
+        rate_bandwidth: rad/s, of the rate loop under control="rate"; see `tracking_bandwidth`.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
         deflection_factor: the episode ends where an oscillator is beyond its limit by this factor.
         appendages: panels or a tank that its satellites get, drawn from ranges, or a mapping with their settings.
@@ -151,6 +153,22 @@ class Scenario(Config):
     def samples(self) -> int:
         """Filter steps a decision."""
         return round(self.decision_period / self.sample_period)
+
+    @property
+    def command_lateness(self) -> float:
+        """s, the most by which the motors follow their commands late: the longest delay and the motors' lag."""
+        return self.faults.torque_delay[1] * self.sample_period + self.torque_lag
+
+    @property
+    def tracking_bandwidth(self) -> float:
+        """rad/s, of the rate loop: `rate_bandwidth`, or what sampling and late commands allow.
+
+        At most half of the error goes in a sample, and 0.2 rad of phase is lost to a command that comes late.
+        """
+        allowed = _STEP_MAX / self.sample_period
+        if self.command_lateness > 0.0:
+            allowed = min(allowed, _PHASE_MAX / self.command_lateness)
+        return min(self.rate_bandwidth, allowed)
 
     @property
     def decisions(self) -> int:

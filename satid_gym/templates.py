@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from satid_gym.core.control.rate_tracking import TRACKING_STEP_MAX
 from satid_gym.core.records import Criterion, InertiaMode, ObservationForm, Templates, concatenate
 from satid_gym.core.task import task_dtype
 from satid_gym.core.truth.records import draw_dtype
@@ -24,7 +23,12 @@ from satid_gym.problem import Problem
 from satid_gym.reward import NUMBERS
 from satid_gym.rigid_body import inertia_tensor
 from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
+
+_SETTLED = 4.5  # samples without a larger change, after which the rate loop learns from what a motor does
+_GAIN_STD, _FRICTION_STD = 0.16, 0.05  # what it believes at first of gain, and of friction over the torque limit
+_NOISE_MIN = 0.01  # of the torque limit
 
 
 @dataclass(frozen=True)
@@ -111,9 +115,20 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
 def _write_tracking(row: np.void, p: Problem, satellite: Satellite) -> None:
     wheels = satellite.wheels
     row["on"] = p.control == "rate"
-    row["bandwidth"] = min(p.scenario.rate_bandwidth, TRACKING_STEP_MAX / p.scenario.sample_period)
+    row["bandwidth"] = p.scenario.tracking_bandwidth
     row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
     row["spin_max"] = wheels.inertia * wheels.max_speed
+    row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + 2.0 * p.scenario.command_lateness
+    noise = np.maximum(_acceleration_noise(satellite, p.scenario), _NOISE_MIN)
+    row["motors"]["prior"] = (noise[:, None] / [_GAIN_STD, _FRICTION_STD]) ** 2
+
+
+def _acceleration_noise(satellite: Satellite, scenario: Scenario) -> np.ndarray:
+    """Std (n,) of a sample's dh/dt of each wheel over its torque limit: of the motors, and of two readings."""
+    wheels, sensors, dt = satellite.wheels, satellite.sensors, scenario.sample_period
+    pulse = 2.0 * np.pi / (sensors.encoder_pulses * dt) if sensors.encoder_pulses is not None else 0.0
+    reading = np.sqrt(2.0 * (satellite.tachometer_noise_std**2 + pulse**2 / 12.0))
+    return np.hypot(scenario.torque_noise, wheels.inertia * reading / (dt * wheels.max_torque))
 
 
 def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:

@@ -8,13 +8,15 @@ import warnings
 import numpy as np
 import pytest
 
-from satid_gym import SATELLITES, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym import SATELLITES, Pilot, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym.control.rate_loop import RateMargin
 from satid_gym.estimators import MomentumEKF
 from satid_gym.evaluation import fly, seeds
-from satid_gym.policies import build
+from satid_gym.policies import build, make_baseline
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions
 from satid_gym.problem import problem
+from satid_gym.sb3 import RateCommandVecEnv
 from tests.cases import cases
 
 QUIET = {
@@ -143,6 +145,104 @@ def test_an_estimator_of_ones_own_steers_as_the_compiled_one():
         (a, *_, one), (b, *_, other) = own.step(action), compiled.step(action)
         np.testing.assert_allclose(a, b, atol=2e-6)
         np.testing.assert_allclose(one["torque_applied"], other["torque_applied"], rtol=1e-7, atol=1e-12)
+
+
+class Steps:
+    """A policy that reverses half of the rate limit about every axis, every so many decisions."""
+
+    name, kind = "steps", "closed_loop"
+
+    def __init__(self, held=6):
+        self.held = held
+
+    def reset(self, mission, seeds):
+        self.decision = 0
+
+    def __call__(self, observation):
+        self.decision += 1
+        return np.full((len(observation), 3), 0.5 if self.decision // self.held % 2 else -0.5)
+
+
+def motors_of(pilot):
+    return {name: pilot._tasks["tracking"]["motors"][name][0].copy() for name in ("gain", "friction")}
+
+
+def by_pilot(period, lost=lambda time: False, blind=lambda time: False, horizon=88.0):
+    """A pilot whose readings come every `period` seconds from an exact rigid body with Coulomb friction of 5 mN m.
+
+    `lost` and `blind` say when there are no wheel speeds, and no gyro. Returns it and the rates (T, 3) over their limit.
+    """
+    satellite = SATELLITES["microsat"]
+    wheels, J = satellite.wheels, satellite.inertia
+    pilot = Pilot(satellite, Steps(), scenario={"horizon": 300.0}, control="rate", patience=0.5)
+    rng = np.random.default_rng(0)
+    free = np.linalg.inv(J - wheels.rotor_inertia)
+    rate, speed, rates = np.zeros(3), np.array([100.0, -120.0, 140.0]), []
+    torque = pilot.start(0.0, rate, speed)
+    fine = 20
+    for sample in range(1, round(horizon / period) + 1):
+        for _ in range(fine):
+            felt = torque - 5e-3 * np.sign(speed)
+            spin = wheels.axes @ (wheels.inertia * speed)
+            change = free @ (-wheels.axes @ felt - np.cross(rate, J @ rate + spin))
+            speed = speed + period / fine * (felt / wheels.inertia - wheels.axes.T @ change)
+            rate = rate + period / fine * change
+        time = sample * period
+        gyro = None if blind(time) else rate + satellite.gyro_noise_std * rng.standard_normal(3)
+        torque = pilot.step(time, gyro, None if lost(time) else speed + 0.05 * rng.standard_normal(3))
+        rates.append(rate / satellite.rate_limit)
+    return pilot, np.array(rates)
+
+
+@cases("period", [0.05, 0.1, 0.2])
+def test_a_pilot_learns_the_same_of_the_motors_however_often_readings_come(period):
+    pilot, rates = by_pilot(period)
+    found = motors_of(pilot)
+    np.testing.assert_allclose(found["gain"], 1.0, atol=0.1)
+    np.testing.assert_allclose(found["friction"], 0.05, atol=0.02)
+    np.testing.assert_allclose(np.abs(rates[-1]), 0.5, atol=0.03)
+
+
+def test_a_pilot_that_coasted_does_not_take_the_coast_for_its_motors():
+    """Six seconds without gyro, in which it commands nothing and friction slows the wheels."""
+    before, _ = by_pilot(0.1, horizon=30.0)
+    pilot, _ = by_pilot(0.1, blind=lambda time: 30.0 < time < 36.0, horizon=37.5)
+    for name, value in motors_of(before).items():
+        np.testing.assert_allclose(motors_of(pilot)[name], value, atol=0.1)
+
+
+def test_a_pilot_without_wheel_speeds_follows_no_rate():
+    """The torque of one sample is not held until the next decision: speeds are lost in the middle of a reversal."""
+    pilot, rates = by_pilot(0.1, lost=lambda time: 12.2 < time < 17.9, horizon=17.8)
+    assert not pilot.step(17.85, np.zeros(3), None).any()
+    assert np.abs(rates).max() < 0.6
+
+
+def test_an_open_loop_design_is_flown_as_rates():
+    """`planned_rates` is what the body is to do, whatever the actions are."""
+    policy = make_baseline("open_loop_optimal", "microsat")
+    cell = {"satellite": "microsat", "inertia": "static", "seeds": seeds("validation", 4), "scenario": QUIET}
+    torque, rate = (fly(policy, **cell, control=control).scores()["final_error"] for control in ("torque", "rate"))
+    np.testing.assert_allclose(np.log(rate / torque), 0.0, atol=1.0)
+    (mission,) = missions(problem("microsat", control="rate"))
+    policy.reset(mission, [0])
+    script = np.array([policy(np.empty((1, 0)))[0] for _ in range(300)])
+    assert script.shape == (300, 3)
+    assert np.abs(script).max() == pytest.approx(policy.fraction)
+
+
+def test_sb3s_rate_commands_are_the_actions_there():
+    env = RateCommandVecEnv(2, satellite="microsat", control="rate", margin=3.5)
+    env.reset()
+    env.step(np.full((2, 3), 0.4, np.float32))
+    (mission,) = missions(env.vector_env.problem)
+    expected = RateMargin([mission], 3.5)(np.empty((1, 0)), np.full(3, 0.4))
+    np.testing.assert_allclose(env.vector_env.fleet.rows.tasks["command"], np.tile(expected, (2, 1)), rtol=1e-6)
+
+
+def test_several_satellites_have_no_common_mission():
+    with pytest.raises(ValueError, match=r"told of one satellite, and here are \['cubesat', 'microsat'\]"):
+        fly(Steps(), satellite=["cubesat", "microsat"], inertia="static", seeds=[1], control="rate")
 
 
 def test_profiles_command_rates_there():

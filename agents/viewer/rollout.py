@@ -15,7 +15,7 @@ from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
-from satid_gym.policy import Policy, missions, observation_settings
+from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
 
 _MODES = ("random", *INERTIA_MODES, *MASS_MODES)
@@ -40,8 +40,7 @@ class Rollout:
 
     def __init__(self, policy: Policy, env: SatInertiaIDEnv, seed: int) -> None:
         self.policy, self.env = policy, env
-        (mission,) = missions(env.problem)
-        policy.reset(mission, [seed])
+        policy.reset(only_mission(env.problem), [seed])
         self._observation, self.info = env.reset(seed=seed)
         self.over = self.terminated = False
         self.history: dict[str, list] = {

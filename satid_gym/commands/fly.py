@@ -14,12 +14,14 @@ from satid_gym.env import SatInertiaIDEnv
 from satid_gym.files import replacing
 from satid_gym.onboard.choice import policy_by_name
 from satid_gym.policies import LearnedPolicy
-from satid_gym.policy import missions, observation_settings
+from satid_gym.policy import observation_settings, only_mission
+from satid_gym.problem import CONTROLS
 
 _EXAMPLES = """examples:
   satid fly
   satid fly --satellite sat.toml --policy generalist --inertia step --seed 3
   satid fly --satellite cubesat --policy rate_square --picture flight.png
+  satid fly --scenario flex --policy shaped_square --control rate
 """
 _INERTIA = "static, step, drift, periodic, random, or file; deployment, fuel, release (not the learned policies)"
 _EVERY = 10  # lines a flight
@@ -39,6 +41,7 @@ def add(parts: Any) -> None:
         "--policy", default="generalist", help="shipped policy, tuned baseline, or path; default generalist"
     )
     own.add_argument("--scenario", default="default", help="name or file")
+    own.add_argument("--control", choices=CONTROLS, default="torque", help="what actions are; default torque")
     own.add_argument("--inertia", default="random", help=_INERTIA)
     own.add_argument("--seed", type=int, default=0)
     own.add_argument("--picture", type=Path, metavar="FILE.png", help='picture of the flight; pip install ".[render]"')
@@ -56,17 +59,16 @@ def run(given: argparse.Namespace) -> int:
     if given.picture:
         _check_pygame()
     env = SatInertiaIDEnv(given.satellite, given.inertia, given.scenario)
-    if len(env.problem.satellites) != 1:
-        raise ValueError(f"name one satellite, got {given.satellite!r}")
-    policy = policy_by_name(given.policy, env.problem.satellites[0].name, env.problem.scenario.name)
+    policy = policy_by_name(given.policy, only_mission(env.problem).satellite.name, env.problem.scenario.name)
     env = SatInertiaIDEnv(
         given.satellite,
         given.inertia,
         given.scenario,
         render_mode="rgb_array" if given.picture else None,
+        control=given.control,
         **observation_settings(policy),
     )
-    (mission,) = missions(env.problem)
+    mission = only_mission(env.problem)
     try:
         policy.reset(mission, [given.seed])
     except ValueError as error:

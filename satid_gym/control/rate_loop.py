@@ -16,7 +16,6 @@ from satid_gym.control.deadbeat import reach
 from satid_gym.control.decoded_observation import Belief, PlantConstants
 from satid_gym.core.algebra import axpy_symmetric, inverse, load, load_symmetric, multiply, subtract
 from satid_gym.core.control.allocation import storable
-from satid_gym.core.control.rate_tracking import TRACKING_STEP_MAX
 from satid_gym.core.jit import inline, kernel
 from satid_gym.policy import Mission
 
@@ -78,7 +77,7 @@ class RateMargin:
     def _share(self, mission: Mission) -> np.ndarray:
         """(3,) of the rate limit that may be commanded."""
         satellite, world, wheels = mission.satellite, mission.scenario, mission.satellite.wheels
-        kept = 1.0 - min(world.rate_bandwidth * world.sample_period, TRACKING_STEP_MAX)
+        kept = 1.0 - world.tracking_bandwidth * world.sample_period
         impulse = world.torque_noise * world.sample_period * wheels.max_torque  # of a sample
         variance = ((np.linalg.inv(mission.prior.inertia) @ wheels.axes * impulse) ** 2).sum(axis=1) / (1.0 - kept**2)
         std = np.sqrt(variance + satellite.gyro_noise_std**2)

@@ -59,7 +59,7 @@ def steer(plant, belief, task, work, report):
     """Let the rate loop, where it is on, choose the motor torque until the next readings."""
     if task.tracking.on == 0:
         return
-    track(task, belief, plant.gyro, plant.tachometer, work.torque)
+    track(task, belief, plant.gyro, plant.tachometer, task.sample_period, work.torque)
     for k in range(work.torque.shape[0]):
         report.effort += (work.torque[k] / task.torque_max[k]) ** 2 / (work.torque.shape[0] * task.samples)
 

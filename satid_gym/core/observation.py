@@ -105,7 +105,7 @@ def observe(belief, task, gyro, tachometer, out):
         i = _observe_wheels_on_body(belief, task, reading, tachometer, out, i)
     else:
         for k in range(tachometer.shape[0]):
-            i = _write(out, i, _speed(belief, tachometer, k) / task.wheel_speed_max[k])
+            i = _write(out, i, filters.wheel_speed_used(belief, tachometer, k) / task.wheel_speed_max[k])
     for k in range(p):
         i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
     for k in range(p):
@@ -132,12 +132,6 @@ def observe(belief, task, gyro, tachometer, out):
 
 
 @inline
-def _speed(belief, tachometer, k):
-    """Reading of wheel k's tachometer, rad/s, or the filter's own speed where that is stuck."""
-    return tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
-
-
-@inline
 def _observe_command(belief, task, out, i):
     """Write the previous action, a torque in the form BODY as that on the body over the most along each axis."""
     if task.observation != _BODY or task.tracking.on != 0:
@@ -156,7 +150,7 @@ def _observe_wheels_on_body(belief, task, omega, tachometer, out, i):
     """Write the wheels' momentum over the most along each axis, and how near the fastest is to its limit."""
     speed = np.empty(tachometer.shape[0])
     for k in range(speed.shape[0]):
-        speed[k] = _speed(belief, tachometer, k)
+        speed[k] = filters.wheel_speed_used(belief, tachometer, k)
     stored = wheel_momentum(belief, speed)
     most = reachable(belief.axes, belief.wheel_inertia * task.wheel_speed_max)
     for k in range(3):

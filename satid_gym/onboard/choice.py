@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from satid_gym.policies import BASELINES, find, make_baseline, names
+from satid_gym.policies import BASELINES, RATE_BASELINES, find, make_baseline, names
 from satid_gym.policy import Policy
 
 
@@ -12,4 +12,5 @@ def policy_by_name(name: str, satellite: str, scenario: str) -> Policy:
     Raises:
         ValueError: there is none, or a baseline is not tuned for the satellite.
     """
-    return make_baseline(name, satellite, scenario) if name in BASELINES and name not in names() else find(name)
+    is_baseline = name in {**BASELINES, **RATE_BASELINES} and name not in names()
+    return make_baseline(name, satellite, scenario) if is_baseline else find(name)

@@ -11,6 +11,7 @@ import numpy as np
 
 from satid_gym.core import episode
 from satid_gym.core.belief import filters
+from satid_gym.core.control.motors import forget_last
 from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import kernel
 from satid_gym.core.observation import observe
@@ -32,9 +33,15 @@ def begin(readings, beliefs, tasks, work, observations):
 
 
 @kernel
-def steer(readings, beliefs, tasks, work):
-    """Torque of the rate loop, to work.torque, until the next readings."""
-    track(tasks[0], beliefs[0], readings[0].gyro, readings[0].tachometer, work[0].torque)
+def steer(readings, beliefs, tasks, work, dt):
+    """Torque of the rate loop, to work.torque, until the next readings; dt seconds after it was steered last."""
+    track(tasks[0], beliefs[0], readings[0].gyro, readings[0].tachometer, dt, work[0].torque)
+
+
+@kernel
+def let_go(tasks):
+    """Tell the rate loop that no torque is commanded until it is steered again."""
+    forget_last(tasks[0].tracking.motors)
 
 
 @kernel

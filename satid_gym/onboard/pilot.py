@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_number
-from satid_gym.estimators.batch.regression import NAMES
-from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.estimators.records import new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
@@ -17,7 +15,7 @@ from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
 from satid_gym.onboard.gap import widen
 from satid_gym.onboard.readings import gyro_reading, wheel_reading
-from satid_gym.onboard.reports import Estimate, Status
+from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.problem import problem
 from satid_gym.resolution import SatelliteLike, ScenarioLike
@@ -33,10 +31,11 @@ class Pilot:
     period, under control "rate" with every reading. On the same readings it commands and believes what the environment
     does.
 
-    A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel speeds
-    it waits for the next ones and crosses the gap with speeds between the two. A decision that falls due without wheel
-    speeds, or `patience` seconds after the gyro's last reading, commands no torque, and so does a filter that broke
-    down; `status` says so. What is commanded is always finite and within the motors' limits.
+    A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel
+    speeds it waits for the next ones and crosses the gap with speeds between the two, and a rate is not followed
+    meanwhile: no torque. A decision that falls due without wheel speeds, or `patience` seconds after the gyro's last
+    reading, commands no torque, and so does a filter that broke down; `status` says so. What is commanded is always
+    finite and within the motors' limits.
 
     Args:
         satellite: name, file, mapping or `Satellite`; its data sheet is what the filter is told.
@@ -64,9 +63,12 @@ class Pilot:
         seed: int = 0,
     ) -> None:
         given = problem(satellite, "static", scenario, estimator, control=control)
+        world, own = given.scenario, given.satellites[0]
         if len(given.satellites) != 1:
-            raise ValueError(f"a pilot flies one satellite, got {[s.name for s in given.satellites]}")
-        world, (own,) = given.scenario, given.satellites
+            raise ValueError(
+                f"a pilot flies one data sheet, and {satellite!r} in scenario {world.name!r} stands for "
+                f"{len(given.satellites)}: give one of satid_gym.problem(...).satellites"
+            )
         self.policy: Policy = policy_by_name(policy, own.name, world.name) if isinstance(policy, str) else policy
         self.problem = given.replace(**observation_settings(self.policy))
         (self.mission,) = missions(self.problem)
@@ -89,21 +91,7 @@ class Pilot:
         """
         if self.status.state == "waiting":
             raise RuntimeError("there is no estimate yet: call start(time, gyro, wheel_speed) first")
-        row = self._beliefs[0]
-        p = len(row["prior_theta"])
-        theta = row["mean"][3 : 3 + p].copy()
-        block = row["covariance"][3 : 3 + p, 3 : 3 + p]
-        return Estimate(
-            time=self._time,
-            names=NAMES[:p],
-            theta=theta,
-            covariance=block + row["scale_variance"] * np.outer(theta, theta),
-            inertia=inertia_tensors(theta),
-            mean=row["mean"].copy(),
-            state_covariance=row["covariance"].copy(),
-            nis=self._nis,
-            accepted=not row["coasting"],
-        )
+        return estimate_of(self._beliefs[0], self._time, self._nis)
 
     def start(self, time: float, gyro: object, wheel_speed: object) -> np.ndarray:
         """Begin a flight, or begin again.
@@ -126,14 +114,14 @@ class Pilot:
         (rate, *_), (speed, *_) = readings
         self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
         self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
-        self._begun = self._time = self._seen = self._heard = time
+        self._begun = self._time = self._seen = self._heard = self._steered = time
         self._decided, self._nis, self.status = 0, np.nan, Status(state="flying")
         self.policy.reset(self.mission, [self.seed])
         reading = self._readings[0]
         reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
         kernels.begin(self._readings, self._beliefs, self._tasks, self._work, self._observation)
         self._decide(1)
-        self._steer()
+        self._steer(True)
         return self._torque.copy()
 
     def step(self, time: float, gyro: object = None, wheel_speed: object = None) -> np.ndarray:
@@ -167,8 +155,7 @@ class Pilot:
                 self._coast("no torque: a decision is due and there are no wheel speeds")
             elif time - self._heard <= self.patience and not self._lost():
                 self._decide(due)
-        if speed is not None:
-            self._steer()
+        self._steer(speed is not None)
         return self._torque.copy()
 
     def _count(self, kind: str, message: str) -> None:
@@ -230,11 +217,17 @@ class Pilot:
             self._hold(np.clip(action[0].astype(float), -1.0, 1.0))
             self.status.state = "flying"
 
-    def _steer(self) -> None:
-        """Follow the rate that the policy commands, where it commands one."""
-        if self.problem.control == "rate" and self.status.state == "flying":
-            kernels.steer(self._readings, self._beliefs, self._tasks, self._work)
-            self._torque = self._work["torque"][0].copy()
+    def _steer(self, told: bool) -> None:
+        """Follow the rate that the policy commands, where it commands one and was `told` the wheels' speed."""
+        if self.problem.control != "rate":
+            return
+        if told and self.status.state == "flying":
+            dt, self._steered = self._time - self._steered, self._time
+            kernels.steer(self._readings, self._beliefs, self._tasks, self._work, dt)
+        else:
+            self._work["torque"][0] = 0.0
+            kernels.let_go(self._tasks)
+        self._torque = self._work["torque"][0].copy()
 
     def _coast(self, message: str) -> None:
         self._hold(np.zeros(self.problem.actions))

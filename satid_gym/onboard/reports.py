@@ -7,6 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from satid_gym.estimators.batch.regression import NAMES
+from satid_gym.estimators.inertia import inertia_tensors
+
 State = Literal["waiting", "flying", "coasting", "over"]
 _COUNTED = ("missing", "refused", "repeated", "late", "missed")
 
@@ -58,3 +61,21 @@ class Estimate:
     def std(self) -> np.ndarray:
         """(p,) standard deviations of theta, kg m^2."""
         return np.sqrt(np.diag(self.covariance))
+
+
+def estimate_of(belief: np.void, time: float, nis: float) -> Estimate:
+    """What a belief record says at a time, s, after an update of that NIS."""
+    p = len(belief["prior_theta"])
+    theta = belief["mean"][3 : 3 + p].copy()
+    block = belief["covariance"][3 : 3 + p, 3 : 3 + p]
+    return Estimate(
+        time=time,
+        names=NAMES[:p],
+        theta=theta,
+        covariance=block + belief["scale_variance"] * np.outer(theta, theta),
+        inertia=inertia_tensors(theta),
+        mean=belief["mean"].copy(),
+        state_covariance=belief["covariance"].copy(),
+        nis=nis,
+        accepted=not belief["coasting"],
+    )

@@ -23,9 +23,9 @@ from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
 from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policy import Kind, Mission
+from satid_gym.problem import CONTROLS
 
 FORMAT = 1
-CONTROLS = ("rate", "torque")
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _HEAD = ("format", "name", "control", "margin", "include_covariance", "observation", "activation", "squashed", "sha256")

@@ -80,13 +80,16 @@ class OpenLoopOptimalPolicy:
             design = design_of(satellite.name, mission.scenario.name)
             dwell, fraction = dwell or design["dwell"], fraction or design["fraction"]
         rates = planned_rates(_pad(dwell), satellite, fraction, mission.scenario.decisions, period)
+        self._decision = 0
+        if mission.control == "rate":
+            self._script = rates[1:] / satellite.rate_limit
+            return
         J_free = satellite.inertia - satellite.wheels.rotor_inertia
         torque = wheel_torque(np.diff(rates, axis=0) @ J_free / period, satellite.wheels)
         self._script = np.clip(torque / satellite.wheels.max_torque, -1.0, 1.0)
-        self._decision = 0
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Action (N, n) of the present decision, the same for all episodes."""
+        """Action (N, actions) of the present decision, the same for all episodes."""
         action = self._script[self._decision]
         self._decision += 1
         return np.broadcast_to(action, (len(observation), len(action)))

@@ -23,6 +23,7 @@ from satid_gym.policies.open_loop_optimal import (
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
 
@@ -69,6 +70,8 @@ BASELINES: dict[str, Baseline] = {
     "random": Baseline(make=RandomPolicy, tuned=False),
     "zero": Baseline(make=ZeroPolicy, tuned=False),
 }
+RATE_BASELINES: dict[str, Baseline] = {"shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False)}
+"""Baselines for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)
 
 
@@ -79,9 +82,14 @@ def build(name: str, settings: dict[str, float]) -> Policy:
         ValueError: the name is unknown or a setting is not valid.
         TypeError: a setting is missing or unknown.
     """
-    if name not in BASELINES:
-        raise unknown_name("baseline", name, BASELINES)
-    return BASELINES[name].make(**settings)
+    return _entry(name).make(**settings)
+
+
+def _entry(name: str) -> Baseline:
+    known = {**BASELINES, **RATE_BASELINES}
+    if name not in known:
+        raise unknown_name("baseline", name, known)
+    return known[name]
 
 
 def make_baseline(
@@ -101,7 +109,7 @@ def make_baseline(
     if name == OpenLoopOptimalPolicy.name:
         design = design_of(satellite, scenario, designs)
         return OpenLoopOptimalPolicy(design["dwell"], design["fraction"])
-    if name in BASELINES and not BASELINES[name].tuned:
+    if not _entry(name).tuned:
         return build(name, {})
     return build(name, tuned_entry(name, satellite, scenario, tuned)["settings"])
 
@@ -112,8 +120,7 @@ def tuned_entry(name: str, satellite: str, scenario: str = "default", tuned: Pat
     Raises:
         ValueError: the name is unknown, or it was not tuned for that satellite and scenario.
     """
-    if name not in BASELINES:
-        raise unknown_name("baseline", name, BASELINES)
+    _entry(name)
     scenario = PREPARED_AS.get(scenario, scenario)
     for file in (tuned, TUNED):
         found = entries_of(file, "baselines.tune").get((name, satellite, scenario))

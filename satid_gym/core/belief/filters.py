@@ -91,6 +91,12 @@ def rate_used(belief, gyro):
 
 
 @inline
+def wheel_speed_used(belief, tachometer, k):
+    """Reading of wheel k's tachometer, rad/s, or the filter's own speed where that is stuck."""
+    return tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
+
+
+@inline
 def momentum_and_torque(belief):
     """Estimated total momentum, N m s, and disturbance torque, N m; the RateEKF knows no torque."""
     if belief.kind == _MOMENTUM:

@@ -9,7 +9,9 @@ information matrix and vector, in fractions of the torque limit and of one sampl
 
     R = L (R - R_0) + R_0 + phi phi^T,    b = L (b - R_0 (1, 0)) + R_0 (1, 0) + phi dh/dt,    phi = (u, -sgn Omega)
 
-with L = exp(-dt / T) and R_0 of the prior. Source: Ljung, System Identification (1999), ch. 11.2.
+with L = exp(-dt / T) and R_0 of the prior. A command counts once it has been much the same for as long as it may come
+late; a wheel whose tachometer is stuck, or that is at its speed limit, shows nothing of it.
+Source: Ljung, System Identification (1999), ch. 11.2.
 """
 
 from __future__ import annotations
@@ -18,16 +20,15 @@ import functools
 
 import numpy as np
 
+from satid_gym.core.belief.filters import wheel_speed_used
 from satid_gym.core.jit import inline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.wheels import along_axis
 
 _MEMORY = 30.0  # T, s
 _HELD = 0.05  # of the torque limit, by which a command may differ from the one before
-_SETTLED = 5  # samples without a larger change, after which a command that comes late does not matter
-_PRIOR = (0.1, 1.0)  # R_0: the motors' noise of 5 % over what gain (30 %) and friction (10 % of the limit) may be
 _OBSERVER = 0.5  # 1/s
-_GAIN_MIN = 0.2  # below it no larger command makes up for a weak motor
+_GAINS = (0.2, 2.0)  # below these no larger command makes up for a weak motor
 _AT_LIMIT = 0.999  # of the speed limit: from here on a wheel shows nothing of its command
 
 
@@ -40,11 +41,14 @@ def motors_dtype(n: int) -> np.dtype:
             ("vector", FLOAT, (n, 2)),  # b less its prior
             ("gain", FLOAT, n),  # g
             ("friction", FLOAT, n),  # c, of the torque limit
+            ("prior", FLOAT, (n, 2)),  # R_0, which is diagonal
+            ("settled", FLOAT),  # s, after which a command has its effect, however late it comes
             ("missing", FLOAT, n),  # what the model does not explain, low-pass filtered, of the torque limit
             ("commanded", FLOAT, n),  # u of the sample before, of the torque limit
-            ("held", INT, n),  # samples for which it has been much the same
-            ("spin", FLOAT, n),  # h then, N m s
-            ("begun", INT),  # 1: there was a sample before
+            ("held", FLOAT, n),  # s for which it has been much the same
+            ("speed", FLOAT, n),  # of the wheels, rad/s
+            ("spin", FLOAT, n),  # h, N m s
+            ("begun", INT, n),  # 1: speed and spin are known from the sample before
         ],
         align=True,
     )
@@ -53,46 +57,61 @@ def motors_dtype(n: int) -> np.dtype:
 @inline
 def _estimate(s, k):
     """Write gain and friction of motor k."""
-    a, b, c = s.information[k, 0] + _PRIOR[0], s.information[k, 1], s.information[k, 2] + _PRIOR[1]
-    x, y = s.vector[k, 0] + _PRIOR[0], s.vector[k, 1]
+    a, b, c = s.information[k, 0] + s.prior[k, 0], s.information[k, 1], s.information[k, 2] + s.prior[k, 1]
+    x, y = s.vector[k, 0] + s.prior[k, 0], s.vector[k, 1]
     det = a * c - b * b
-    s.gain[k] = max((c * x - b * y) / det, _GAIN_MIN)
+    s.gain[k] = min(max((c * x - b * y) / det, _GAINS[0]), _GAINS[1])
     s.friction[k] = min(max((a * y - b * x) / det, 0.0), 1.0)
 
 
 @inline
-def observe(task, belief, speed, omega):
-    """Take in the wheel speeds (n,), rad/s, at body rate omega: what became of the last commands."""
-    s, dt = task.tracking.motors, task.sample_period
-    keep = np.exp(-dt / _MEMORY)
-    for k in range(speed.shape[0]):
-        spin = belief.wheel_inertia[k] * (speed[k] + along_axis(belief.axes, k, omega))
-        if s.begun == 0:
-            _estimate(s, k)
-        elif s.held[k] >= _SETTLED and abs(speed[k]) < _AT_LIMIT * task.wheel_speed_max[k]:
-            moved, u, side = (spin - s.spin[k]) / (dt * task.torque_max[k]), s.commanded[k], -np.sign(speed[k])
-            s.information[k, 0] = keep * s.information[k, 0] + u * u
-            s.information[k, 1] = keep * s.information[k, 1] + u * side
-            s.information[k, 2] = keep * s.information[k, 2] + side * side
-            s.vector[k, 0] = keep * s.vector[k, 0] + u * moved
-            s.vector[k, 1] = keep * s.vector[k, 1] + side * moved
-            _estimate(s, k)
-        if s.begun != 0 and abs(speed[k]) < _AT_LIMIT * task.wheel_speed_max[k]:
-            moved = (spin - s.spin[k]) / (dt * task.torque_max[k])
-            unexplained = s.gain[k] * s.commanded[k] - s.friction[k] * np.sign(speed[k]) - moved
-            s.missing[k] += min(_OBSERVER * dt, 1.0) * (unexplained - s.missing[k])
-        s.spin[k] = spin
-    s.begun = 1
+def _learn(s, k, moved, keep):
+    """Take in dh/dt of motor k, of its torque limit, which the command of the sample before has caused."""
+    u, side = s.commanded[k], -np.sign(s.speed[k])
+    s.information[k, 0] = keep * s.information[k, 0] + u * u
+    s.information[k, 1] = keep * s.information[k, 1] + u * side
+    s.information[k, 2] = keep * s.information[k, 2] + side * side
+    s.vector[k, 0] = keep * s.vector[k, 0] + u * moved
+    s.vector[k, 1] = keep * s.vector[k, 1] + side * moved
+    _estimate(s, k)
 
 
 @inline
-def command(task, speed, torque):
+def observe(task, belief, tachometer, omega, dt):
+    """Take in the tachometers (n,), rad/s, at body rate omega, dt seconds after the last: what became of commands."""
+    s = task.tracking.motors
+    keep, blend = np.exp(-dt / _MEMORY), min(_OBSERVER * dt, 1.0)
+    for k in range(tachometer.shape[0]):
+        s.speed[k] = wheel_speed_used(belief, tachometer, k)
+        spin = belief.wheel_inertia[k] * (s.speed[k] + along_axis(belief.axes, k, omega))
+        shown = belief.stuck[k] == 0 and abs(s.speed[k]) < _AT_LIMIT * task.wheel_speed_max[k]
+        if s.gain[k] == 0.0:
+            _estimate(s, k)
+        elif shown and s.begun[k] != 0 and s.held[k] >= s.settled:
+            moved = (spin - s.spin[k]) / (dt * task.torque_max[k])
+            _learn(s, k, moved, keep)
+            unexplained = s.gain[k] * s.commanded[k] - s.friction[k] * np.sign(s.speed[k]) - moved
+            s.missing[k] += blend * (unexplained - s.missing[k])
+        s.held[k] = s.held[k] + dt if s.begun[k] != 0 else 0.0
+        s.spin[k], s.begun[k] = spin, 1 if shown else 0
+
+
+@inline
+def command(task, torque):
     """Turn the torque (n,) that the wheels are to feel into what the motors are commanded, within their limits."""
     s = task.tracking.motors
     for k in range(torque.shape[0]):
         limit = task.torque_max[k]
-        wanted = (torque[k] + limit * (s.friction[k] * np.sign(speed[k]) + s.missing[k])) / s.gain[k]
+        wanted = (torque[k] + limit * (s.friction[k] * np.sign(s.speed[k]) + s.missing[k])) / s.gain[k]
         torque[k] = min(max(wanted, -limit), limit)
-        change = abs(torque[k] / limit - s.commanded[k])
-        s.held[k] = s.held[k] + 1 if change < _HELD else 0
+        if abs(torque[k] / limit - s.commanded[k]) >= _HELD:
+            s.held[k] = 0.0
         s.commanded[k] = torque[k] / limit
+
+
+@inline
+def forget_last(s):
+    """Begin anew after a time in which no torque was commanded; estimates stay."""
+    for k in range(s.begun.shape[0]):
+        s.begun[k] = 0
+        s.commanded[k] = 0.0

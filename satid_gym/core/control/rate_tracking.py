@@ -31,8 +31,6 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.wheels import sum_wheels
 
-TRACKING_STEP_MAX = 0.5
-"""Largest bandwidth times sample period: half of the way to the reference in a sample."""
 _EVEN_OUT = 20.0  # T_N, s
 
 
@@ -69,18 +67,16 @@ def _even_out(s, axes, limit, torque):
 
 
 @outline
-def track(task, belief, gyro, tachometer, torque):
-    """Write to `torque` (n,), N m, what the motors are to give until the next readings."""
+def track(task, belief, gyro, tachometer, dt, torque):
+    """Write to `torque` (n,), N m, what the motors are to give until the next readings; dt seconds after the last."""
     s, axes, limit = task.tracking, belief.axes, task.torque_max
     n = torque.shape[0]
     omega = filters.rate_used(belief, gyro)
     inertia = estimated_inertia(belief)
     momentum, tau = filters.momentum_and_torque(belief)
+    motors.observe(task, belief, tachometer, omega, dt)
     for k in range(n):
-        s.scratch[1, k] = tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
-    motors.observe(task, belief, s.scratch[1], omega)
-    for k in range(n):
-        s.scratch[1, k] *= belief.wheel_inertia[k]
+        s.scratch[1, k] = belief.wheel_inertia[k] * s.motors.speed[k]
     wheels = (axes, s.allocation, s.spin_max)
     wanted = storable(load(s.reference), momentum, inertia, wheels, s.scratch[1], s.scratch[0])
     free = axpy_symmetric(-1.0, load_symmetric(s.rotor_inertia), inertia)
@@ -94,4 +90,4 @@ def track(task, belief, gyro, tachometer, torque):
         torque[k] = min(max(torque[k] + allocate(s.allocation, push, k), -limit[k]), limit[k])
     if n > 3:
         _even_out(s, axes, limit, torque)
-    motors.command(task, tachometer, torque)
+    motors.command(task, torque)
