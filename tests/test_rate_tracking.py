@@ -170,7 +170,7 @@ def motors_of(pilot):
 def by_pilot(period, lost=lambda time: False, blind=lambda time: False, horizon=88.0):
     """A pilot whose readings come every `period` seconds from an exact rigid body with Coulomb friction of 5 mN m.
 
-    `lost` and `blind` say when there are no wheel speeds, and no gyro. Returns it and the rates (T, 3) over their limit.
+    `lost` and `blind` say when there are no wheel speeds, and no gyro. Returns it and the rates (T, 3) over the limit.
     """
     satellite = SATELLITES["microsat"]
     wheels, J = satellite.wheels, satellite.inertia
