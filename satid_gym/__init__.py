@@ -2,6 +2,7 @@
 
 from gymnasium.envs.registration import register, registry
 
+from satid_gym.appendages import Panels, Tank
 from satid_gym.disturbance import Disturbance
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.friction import WheelFriction
@@ -31,6 +32,7 @@ __all__ = [
     "InertiaLaw",
     "LawRanges",
     "Panel",
+    "Panels",
     "Pilot",
     "ReactionWheels",
     "RewardSettings",
@@ -40,6 +42,7 @@ __all__ = [
     "Scenario",
     "Sensors",
     "SloshMass",
+    "Tank",
     "Tolerances",
     "Trajectory",
     "WheelFriction",

@@ -27,10 +27,11 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import section_table, vector_arguments
-from agents.docs.unmodelled_table import unmodelled_table
+from agents.docs.world_tables import gates, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
+from satid_gym.appendages import Appendages
 from satid_gym.config import Config
 from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.estimators.settings import EstimatorSettings
@@ -104,7 +105,7 @@ def scenarios() -> str:
     said, default = meanings(Scenario), SCENARIOS["default"]
     rows = []
     for field in dataclasses.fields(Scenario):
-        if field.name in ("name", "laws", "faults"):  # the last two have tables of their own
+        if field.name in ("name", "laws", "faults", "appendages"):  # the last three have tables of their own
             continue
         values = [getattr(s, field.name) for s in SCENARIOS.values()]
         cells = [
@@ -112,6 +113,18 @@ def scenarios() -> str:
         ]
         rows.append([f"`{field.name}`", *cells, said[field.name]])
     return table(["setting", *SCENARIOS, "meaning"], rows)
+
+
+def appendages() -> str:
+    """Panels and tanks that scenarios give their satellites."""
+    given = {name: s.appendages for name, s in SCENARIOS.items() if s.appendages is not None}
+    said = {name: meaning for own in given.values() for name, meaning in meanings(type(own)).items()}
+    said = meanings(Appendages) | said
+    rows = [
+        [f"`{name}`", *(shown(getattr(own, name)) if hasattr(own, name) else "" for own in given.values()), said[name]]
+        for name in said
+    ]
+    return table(["setting", *given, "meaning"], rows)
 
 
 def laws() -> str:
@@ -176,15 +189,15 @@ def consistency(write: Callable[[Mapping[str, Any]], str]) -> str:
     return write(read_json(RESULTS / "consistency.json", remedy, keys=keys))
 
 
-def unmodelled() -> str:
-    """The table of what the filter is not told, from the committed study."""
-    remedy = "run python -m baselines.scenarios.unmodelled --output docs/results/unmodelled.json"
-    keys = ("cells", "settings", "revision")
-    return unmodelled_table(read_json(RESULTS / "unmodelled.json", remedy, keys=keys))
-
-
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
-    "scenarios.md": {"satellites": satellites, "scenarios": scenarios, "laws": laws, "faults": faults},
+    "scenarios.md": {
+        "satellites": satellites,
+        "scenarios": scenarios,
+        "appendages": appendages,
+        "gate": gates,
+        "laws": laws,
+        "faults": faults,
+    },
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
     "baselines.md": {"baselines": baselines},
     "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},
@@ -207,6 +220,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "flexible.md": {"flexible": lambda: consistency(functools.partial(consistency_table, topic="flexible"))},
     "sensors.md": {"sensors": lambda: settings(Sensors), "timing": lambda: consistency(timing_table)},
     "unmodelled.md": {"unmodelled": unmodelled},
+    "rates.md": {"rate loops": rate_loops},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

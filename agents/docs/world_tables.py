@@ -1,0 +1,98 @@
+"""Tables of the world as flown: a filter that is told too little, both rate loops, and the gates of scenarios."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from agents.docs.readme import RESULTS
+from baselines.command.markdown import table
+from satid_gym.files import read_json
+
+Cell = Mapping[str, Any]
+
+
+def _pair(cells: Sequence[Cell], name: str, pattern: str, factor: float = 1.0) -> str:
+    """Means over cells, without and with `inflate`."""
+    plain, inflated = factor * np.mean([cell[name] for cell in cells], axis=0)
+    return f"{plain:{pattern}} / {inflated:{pattern}}"
+
+
+def _committed(name: str, command: str, rows: str) -> Mapping[str, Any]:
+    """A study's file in docs/results."""
+    remedy = f"run python -m baselines.scenarios.{command} --output docs/results/{name}.json"
+    return read_json(RESULTS / f"{name}.json", remedy, keys=(rows, "settings", "revision"))
+
+
+def unmodelled() -> str:
+    """What becomes of a filter that is not told, from the committed study."""
+    return unmodelled_table(_committed("unmodelled", "unmodelled", "cells"))
+
+
+def rate_loops() -> str:
+    """Both rate loops, from the committed study."""
+    return rate_loops_table(_committed("rate_loops", "rate_loops", "cells"))
+
+
+def gates() -> str:
+    """Ladders of the scenarios, from the committed gates."""
+    tables = [gate_table(_committed(f"gate_{name}", f"gate --scenario {name}", "rows")) for name in ("flex", "slosh")]
+    return "\n\n".join(tables)
+
+
+def unmodelled_table(results: Mapping[str, Any]) -> str:
+    """NEES, final error and alarms, means over satellites and inertia modes, by world and policy."""
+    cells: Sequence[Cell] = results["cells"]
+    rows = []
+    for world, policy in dict.fromkeys((cell["world"], cell["policy"]) for cell in cells):
+        own = [cell for cell in cells if (cell["world"], cell["policy"]) == (world, policy)]
+        figures = _pair(own, "nees", ".2g"), _pair(own, "nees_settled", ".2g"), _pair(own, "final_error", ".2g", 100.0)
+        rows.append([world, policy, *figures, f"{100.0 * np.mean([cell['alarmed'][0] for cell in own]):.0f}"])
+    head = ["world", "policy", "NEES", "NEES from 60 s on", "final error, %", "flights with an alarm, %"]
+    flown = "{episodes} {split} episodes a cell; revision ".format(**results["settings"])
+    flown += f"{results['revision'][:7]}."
+    return table(head, rows, text_columns=2) + "\n\n" + flown
+
+
+def rate_loops_table(results: Mapping[str, Any]) -> str:
+    """Time outside and final error through both rate loops, by world: the worst satellite, and the range."""
+    cells: Sequence[Cell] = results["cells"]
+    rows = []
+    for world in dict.fromkeys(cell["world"] for cell in cells):
+        figures = []
+        for control in ("torque", "rate"):
+            own = [cell for cell in cells if (cell["world"], cell["control"]) == (world, control)]
+            errors = [100.0 * cell["final_error"] for cell in own]
+            spread = f"{min(errors):.2g}" + (f" to {max(errors):.2g}" if len(errors) > 1 else "")
+            figures += [f"{100.0 * max(cell['outside_fraction'] for cell in own):.2f}", spread]
+        rows.append([world, *figures])
+    head = ["world", "torque: outside, %", "final error, %", "rate: outside, %", "final error, %"]
+    flown = "{episodes} validation episodes a cell, inertia {inertia}; revision ".format(**results["settings"])
+    return table(head, rows, text_columns=1) + f"\n\n{flown}{results['revision'][:7]}."
+
+
+def gate_table(results: Mapping[str, Any]) -> str:
+    """Ladder of a scenario, from nothing to the oracle."""
+    rows = []
+    for own in results["rows"]:
+        worst = max(own["costs"], key=own["costs"].get)
+        rows.append(
+            [
+                f"`{own['policy']}`" if own["policy"] != "oracle" else "oracle",
+                ", ".join(f"{name} {value:g}" for name, value in own["settings"].items()),
+                "-" if own["expected"] is None else f"{100.0 * own['expected']:.3f}",
+                "-" if own["over_oracle"] is None else f"{own['over_oracle']:.2f}",
+                f"{100.0 * own['final_error']:.3f}",
+                f"{own['nees']:.2f} ({own['nees_median']:.2f})",
+                f"{worst} {100.0 * own['costs'][worst]:.2f}" if own["costs"][worst] > 0.0 else "none",
+                f"{100.0 * own['terminated']:.0f}",
+            ]
+        )
+    head = ["expected error, %", "over the oracle", "final error, %", "NEES (median)", "largest cost, %", "ended, %"]
+    said = (
+        "Scenario {scenario}, {satellite}, {inertia}: {tuned} tuning and {episodes} validation episodes, {oracle} of "
+        "these for the oracle. The expected error is the filter's own, mean over the flight. Revision "
+    ).format(**results["settings"])
+    return table(["policy", "settings", *head], rows, text_columns=2) + f"\n\n{said}{results['revision'][:7]}."
