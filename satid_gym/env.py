@@ -43,7 +43,7 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     `control="rate"`: `Box(-1, 1, (3,), float32)`, the body rate to fly as a fraction of the rate limit, about each body
     axis. A rate loop in the environment turns it into torque, sample by sample, on the filter's estimate of the
     inertia. Its noise lies about the reference, so that an action of 1 is beyond the limit half of the time; `info`
-    and costs are the same.
+    and costs are the same, and the observation's `command` is the action, 3 numbers in both forms.
 
     ## Observation space
     `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
@@ -84,7 +84,7 @@ abs(A) j Omega_max |
     | fastest_wheel | 2 | the largest share of its speed limit that a wheel has, and the largest that one can come to \
 while each rate is within its limit, by the belief and by least norm of wheel momentum: above 1 a wheel may saturate |
     | command | 3 | previous action as torque on the body, -A u, / the most that the wheels can give along each axis, \
-abs(A) u_max |
+abs(A) u_max; under control="rate" the action |
     | nis | 1 | log10 of the decision's mean normalised innovation squared, per degree of freedom: about 0 when \
 honest, and 0 where no reading was compared |
     | modes | 11 m | of each mode in turn, the numbers of the next table |

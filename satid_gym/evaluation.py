@@ -63,7 +63,7 @@ class Flight:
         outside: share of the decision's samples outside the rate limit.
         nees: normalised estimation error squared, per degree of freedom.
         information: information gain of the decision's updates, nats.
-        effort: mean square of the action.
+        effort: mean square of the torque over its limit.
         reward: of each decision.
         saturated: share of the wheels that were at their speed limit.
         alive: False after a termination; from then on error keeps its last value, outside is 1 and the rest is 0.

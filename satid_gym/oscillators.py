@@ -28,7 +28,7 @@ class Oscillator(Config, abc.ABC):
         frequency_std: std of the logarithm of the true frequency.
         damping_std: std of the logarithm of the true damping ratio.
         deflection_std: std of the first deflection, rad of a panel, m of a slosh mass; it begins at rest where 0.
-        deflection_limit: rad of a panel, m of a slosh mass, beyond which time is a cost; None: no limit.
+        deflection_limit: rad of a panel, m of a slosh mass: a cost, a penalty and far beyond it the end; None: none.
         mirrored: whether there is a second one, mirrored at the centre of mass and alike in all; a filter expects of
             the two the mode in which they turn the body.
 

@@ -106,7 +106,7 @@ class PluginFilter:
         kernels.look(rows, self._fleet.work)
 
     def decide(self, action: np.ndarray) -> None:
-        """One decision with action (n,).
+        """One decision with an action, (n,) torques or (3,) rates.
 
         Raises:
             ValueError: the estimator's mean, covariance or `accepted` is not of the shape that is asked for.

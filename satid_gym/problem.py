@@ -47,7 +47,8 @@ class Problem(Config):
         observation: "wheels" one by one, or "body": what they do to the body, however many there are.
 
     Raises:
-        ValueError: the satellites' wheels differ in number, or "principal" would leave out products of inertia.
+        ValueError: control or observation is unknown, "principal" would leave out products of inertia, or satellites
+            differ in what a filter has states for: wheels, oscillators, kinds of tolerances, sensors.
     """
 
     satellites: tuple[Satellite, ...]
@@ -78,7 +79,10 @@ class Problem(Config):
         if len({oscillator_counts(s.oscillators) for s in self.satellites}) != 1:
             raise ValueError(
                 "all satellites of an environment need as many oscillators, and as many of them mirrored, got "
-                + ", ".join(f"{len(s.oscillators)} of {s.name}" for s in self.satellites)
+                + ", ".join(
+                    f"{len(s.oscillators)} ({sum(oscillator_counts(s.oscillators))} with mirrors) of {s.name}"
+                    for s in self.satellites
+                )
             )
         if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
             names = ", ".join(s.name for s in self.satellites)

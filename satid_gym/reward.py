@@ -44,7 +44,7 @@ class RewardSettings(Config):
         saturation_weight: penalty for the share of the wheels that were at their speed limit in the decision.
         deflection_weight: penalty for a unit of the largest deflection that the filter estimates in the decision, over
             its limit, less 1, where positive.
-        effort_weight: penalty for the mean square of the action.
+        effort_weight: penalty for the mean square of the torque over its limit.
 
     Raises:
         ValueError: the criterion is unknown or a number is negative.

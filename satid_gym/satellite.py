@@ -91,8 +91,8 @@ class Satellite(Config):
         inertia: nominal inertia about the centre of mass, wheels locked, kg m^2, body frame; (3,) principal
             moments or (3, 3) tensor, kept as (3, 3).
         wheels: reaction wheels, or a mapping with their settings.
-        mass: kg; oscillators move the centre of mass by it, which stays where it is None.
-        size: (3,) m, for display only.
+        mass: kg; oscillators move the centre of mass by it, which stays where it is None; a scenario's tank is a part.
+        size: (3,) m, for display, and to place a scenario's panels and tank by.
         rate_limit: largest body rate about any axis in operation, rad/s.
         gyro_noise_std: white noise of a gyro sample, rad/s.
         tachometer_noise_std: white noise of a wheel speed sample, rad/s.

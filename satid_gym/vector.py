@@ -39,9 +39,8 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: how many.
-        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control, observation: as
-            in
-            `SatInertiaIDEnv`; the estimator is a compiled one.
+        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control, observation:
+            as in `SatInertiaIDEnv`; the estimator is a compiled one.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
         num_threads: the most threads to use; all cores where None.

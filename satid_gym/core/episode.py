@@ -14,7 +14,7 @@ from satid_gym.core.log import log_sample
 from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
 from satid_gym.core.records import Autoreset
-from satid_gym.core.report import assess, note_costs, note_nis, note_rate
+from satid_gym.core.report import assess, note_costs, note_nis, note_peaks
 from satid_gym.core.reward import reward, uncertainty_nats
 from satid_gym.core.truth import faults
 from satid_gym.core.truth.draw import draw_plant
@@ -161,7 +161,7 @@ def decide(rows, i, action, work):
         filters.predict(belief, work, plant.tachometer, task.sample_period)
         before = uncertainty_nats(belief, work, task.criterion)
         report.nis = take_reading(plant, belief, work)
-        note_rate(plant, belief, report)
+        note_peaks(plant, belief, report)
         note_nis(task, report.nis)
         last = uncertainty_nats(belief, work, task.criterion)
         report.information_gain += before - last

@@ -122,8 +122,8 @@ def announce(rows, beliefs):
 
 @kernel
 def note_update(rows):
-    """Tally rate and NIS after a sample's update."""
-    report.note_rate(rows.plants[0], rows.beliefs[0], rows.reports[0])
+    """Tally rate, deflection and NIS after a sample's update."""
+    report.note_peaks(rows.plants[0], rows.beliefs[0], rows.reports[0])
     report.note_nis(rows.tasks[0], rows.reports[0].nis)
 
 

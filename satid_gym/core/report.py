@@ -17,8 +17,8 @@ _DEFLECTION, _AVOIDED_BAND = int(Cost.DEFLECTION), int(Cost.AVOIDED_BAND)
 
 
 @inline
-def note_rate(plant, belief, report):
-    """Tally the rate of this instant, as the filter uses it: the envelope's penalty is computed from it."""
+def note_peaks(plant, belief, report):
+    """Tally rate and deflection of this instant, as the filter has them: the reward's penalties are of the largest."""
     rate = filters.rate_used(belief, plant.gyro)
     for i in range(3):
         report.peak_rate[i] = max(report.peak_rate[i], abs(rate[i]))
