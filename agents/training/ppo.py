@@ -56,7 +56,7 @@ class ExcitationPPO(AfterUpdate, PPO):
 def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
     network, s = network_of([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
-    return LearnedPolicy(s.name, network, s.control, s.margin, s.include_covariance)
+    return LearnedPolicy(s.name, network, s.control, s.margin, s.include_covariance, observation=s.observation)
 
 
 def train(run: Run) -> PPO:

@@ -44,6 +44,7 @@ def validate(policy: LearnedPolicy, settings: Task, episodes: int) -> list[dict[
             inertia=settings.inertia,
             seeds=seeds("validation", episodes),
             scenario=benchmark_scenario(settings.scenario),
+            control=settings.actions,
         )
         scores = {name: float(np.mean(value)) for name, value in flight.scores().items()}
         rows.append({"satellite": satellite.name, **{name: scores[name] for name in SCORES}})

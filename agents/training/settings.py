@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
 from satid_gym.config import Config, check_integer
+from satid_gym.core.observation import Form
 from satid_gym.files import DamagedFileError, read_json
 from satid_gym.policies.learned import check_name
 from satid_gym.problem import problem
@@ -97,6 +98,11 @@ class Task(Config):
             for scale in self.wheel_scales
         ]
 
+    @property
+    def actions(self) -> str:
+        """What actions of the environment are, its `control`."""
+        return "torque"
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values; what is one's own in full."""
         values = super().to_dict()
@@ -137,7 +143,13 @@ class RLSettings(Task):
     """What reinforcement learning has in addition, whatever the algorithm."""
 
     control: Literal["rate", "torque"] = "rate"
-    """What the network commands: body rates through the rate loop, or wheel torque at once."""
+    """What the network commands: body rates through a rate loop, or wheel torque at once."""
+    tracked: bool = False
+    """Whether the environment's own rate loop flies the rates, with every sample (its `control="rate"`); without, the
+    policy's once a decision."""
+    observation: Form = "wheels"
+    """What the network sees of the wheels: each one, or what they do to the "body", with the modes of panels and
+    tanks; that one goes with `tracked`."""
     include_covariance: bool = True
     """Whether the network sees the filter's whole covariance."""
     reward: RewardSettings = field(default_factory=lambda: RewardSettings(held_reference=22.0))
@@ -156,5 +168,14 @@ class RLSettings(Task):
     def __post_init__(self) -> None:
         object.__setattr__(self, "reward", reward_settings(self.reward))
         super().__post_init__()
+        if self.tracked and self.control != "rate":
+            raise ValueError("tracked is of rates: a network that commands torque needs --control rate for it")
+        if self.observation == "body" and self.control == "rate" and not self.tracked:
+            raise ValueError("the policy's own rate loop needs the speed of each wheel: add --tracked for body")
         for name in ("steps", "num_envs", "batch_size", "evaluate_every"):
             check_integer(name, getattr(self, name))
+
+    @property
+    def actions(self) -> str:
+        """What actions of the environment are, its `control`."""
+        return "rate" if self.tracked else "torque"

@@ -46,6 +46,8 @@ def environment(settings: RLSettings) -> RateCommandVecEnv:
         scenario=s.scenario,
         reward=s.reward,
         include_covariance=s.include_covariance,
+        control=s.actions,
+        observation=s.observation,
     )
 
 
