@@ -14,6 +14,7 @@ from satid_gym.rigid_body import point_inertia
 
 _DAMPING_MAX = 1.0  # critical: beyond it a mode does not oscillate
 
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mode(Config):
     """Mode that a filter expects, in a coordinate eta of unit modal mass.
