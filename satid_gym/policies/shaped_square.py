@@ -133,12 +133,12 @@ class ShapedSquarePolicy:
         largest that does when the mode is at rest; `nominal` is w T of the data sheet, `growth` |d| over its."""
         part = {name: mode[:, place] for name, place in _PLACES.items()}
         turned = 2.0 * np.pi * part["frequency"] * np.exp(-self.caution * observed_std(part["frequency_std"]))
-        limit = part["deflection_limit"]  # 0 of a mode that no rotation excites, 10 where there is none
-        limit = self.share * np.where((limit > 0.0) & (limit < BOUND), limit, np.inf)
-        bent = np.maximum(growth * nominal / turned**2, _TINY)  # |eta_0| by change of the rate
-        most = np.minimum(0.5 * limit / bent, _MOST)
-        reach = 2.0 * most
-        choices = np.column_stack([reach[:, None] * _CHOICES, np.clip(wanted, -reach, reach)])
+        given = part["deflection_limit"]  # 0 of a mode that no rotation excites, 10 where there is none
+        given = np.where((given > 0.0) & (given < BOUND), given, np.inf)
+        bent, limit = np.maximum(growth * nominal / turned**2, _TINY), self.share * given  # |eta_0| by change of rate
+        most, reach = np.minimum(0.5 * limit / bent, _MOST), np.minimum(given / bent, _MOST)
+        wide = reach[:, None] * _CHOICES  # for what rings beyond its share
+        choices = np.column_stack([2.0 * most[:, None] * _CHOICES, wide, np.clip(wanted, -reach, reach)])
         centre = -choices * bent[:, None]
         state = (part["deflection"] + 1j * part["deflection_rate"] * nominal / turned)[:, None]
         spared = np.abs(state - centre) + np.abs(centre) <= limit[:, None]
