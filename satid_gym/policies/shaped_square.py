@@ -8,7 +8,8 @@ present deflection and rate give,
 So the rate along d changes in a decision as far as it should, but so that A + |eta_0|, the deflection that then
 follows, stays within a share of its limit; where it rings beyond that already, so that the decision damps it most. w is
 the filter's estimate less some of its standard deviations, for a mode that is slower bends further. Where reversals
-then take long, the periods are as long as they need.
+then take long, the periods are as long as they need. Modes are spared one after another: where there are several that
+the same axes excite, only the last is spared for certain.
 
 Deflections are observed over what a step of the rate by its limit rings of the data sheet's mode. The data sheet, w and
 |d|, is what the filter believes when a flight begins. A mode of 10 or more cycles a decision is observed as of 10: it
@@ -31,6 +32,7 @@ _PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), st
 _LARGE = 1e6  # cost of what does not spare it
 _CHOICES = np.linspace(-1.0, 1.0, 41)  # of the largest change
 _TINY = 1e-12  # of a length, so that none is divided by 0
+_FARTHEST, _HALVINGS = 100.0, 45  # of a bisection, whose place is then known to some 1e-12
 _MOST = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction, in rate limits: all three reverse
 
 
@@ -119,9 +121,9 @@ class ShapedSquarePolicy:
             direction = coupling[:, m] / np.maximum(size[:, [m]], _TINY)
             wanted = (direction * change).sum(axis=1)
             given, most = self._spare(modes[:, m], nominal[:, m], growth[:, m], wanted)
-            change += direction * (given - wanted)[:, None]
+            change = _turned_to(given, direction, change, -1.0 - self._reference, 1.0 - self._reference)
             slowest = np.minimum(slowest, most[:, None] / np.maximum(np.abs(direction), _TINY))
-        self._reference = np.clip(self._reference + change, -1.0, 1.0)
+        self._reference = self._reference + np.clip(change, -1.0 - self._reference, 1.0 - self._reference)
         period = np.maximum(self.period / self._duration, 4.0 * self.amplitude * (1.0 + self.dwell) / slowest)
         self._phase += 1.0 / period
         return self._allowed(observation, self._reference)
@@ -146,3 +148,18 @@ class ShapedSquarePolicy:
         cost = np.where(spared, np.abs(choices - wanted[:, None]), _LARGE + left)
         best = np.argmin(cost, axis=1)
         return choices[np.arange(len(best)), best], most
+
+
+def _turned_to(
+    given: np.ndarray, direction: np.ndarray, change: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Nearest to a change (N, 3) of those within bounds that are `given` (N,) along a direction, or come nearest to it:
+    the change plus a multiple of the direction, cut to the bounds, which grows along the direction with the multiple.
+    """
+    least = np.full((len(change), 1), -_FARTHEST)
+    most = -least
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (least + most)
+        found = (direction * np.clip(change + middle * direction, low, high)).sum(axis=1, keepdims=True)
+        least, most = np.where(found < given[:, None], middle, least), np.where(found < given[:, None], most, middle)
+    return np.clip(change + most * direction, low, high)
