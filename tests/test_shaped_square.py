@@ -139,7 +139,7 @@ def test_what_it_cannot_fly_is_refused():
         square.reset(mission(control="torque"), [0])
     with pytest.raises(ValueError, match='make the environment with observation="body"'):
         square.reset(mission(observation="wheels"), [0])
-    with pytest.raises(ValueError, match="the filter estimates no modes: .*'sloshing'"):
+    with pytest.raises(ValueError, match=r"the filter estimates no modes: .*'sloshing'"):
         square.reset(mission(estimator={"name": "momentum", "flexible": False}), [0])
     square.reset(missions(problem("microsat", "static", **SETTINGS))[0], [0])  # rigid: it has none to spare
     for settings in ({"share": 1.2}, {"share": 0.0}, {"amplitude": 1.1}, {"period": 0.0}, {"caution": -1.0}):
