@@ -127,7 +127,7 @@ def test_a_mode_that_rings_is_damped():
 def test_without_a_limit_it_reverses_at_once(limit):
     """10 is observed where there is none, 0 where no rotation excites the mode."""
     own = mission()
-    sheet, _ = sheet_and_truth(0.1)
+    sheet, _ = sheet_and_truth(0.002)  # so slow that a limit of 10 would hold it
     observation = seen(own, sheet, sheet)
     observation[0, own.layout["modes"].start + list(MODE_PARTS).index("deflection_limit")] = limit
     np.testing.assert_allclose(policy(own)(observation)[0], [1.0, 1.0, -1.0], atol=1e-12)

@@ -33,7 +33,7 @@ _LARGE = 1e6  # cost of what does not spare it
 _CHOICES = np.linspace(-1.0, 1.0, 41)  # of the largest change
 _TINY = 1e-12  # of a length, so that none is divided by 0
 _FARTHEST, _HALVINGS = 100.0, 45  # of a bisection, whose place is then known to some 1e-12
-_MOST = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction, in rate limits: all three reverse
+_CHANGE_MAX = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction, in rate limits: all three reverse
 
 
 class ShapedSquarePolicy:
@@ -138,7 +138,7 @@ class ShapedSquarePolicy:
         given = part["deflection_limit"]  # 0 of a mode that no rotation excites, 10 where there is none
         given = np.where((given > 0.0) & (given < BOUND), given, np.inf)
         bent, limit = np.maximum(growth * nominal / turned**2, _TINY), self.share * given  # |eta_0| by change of rate
-        most, reach = np.minimum(0.5 * limit / bent, _MOST), np.minimum(given / bent, _MOST)
+        most, reach = np.minimum(0.5 * limit / bent, _CHANGE_MAX), np.minimum(given / bent, _CHANGE_MAX)
         wide = reach[:, None] * _CHOICES  # for what rings beyond its share
         choices = np.column_stack([2.0 * most[:, None] * _CHOICES, wide, np.clip(wanted, -reach, reach)])
         centre = -choices * bent[:, None]
