@@ -36,12 +36,12 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         name: [({"amplitude": a}, ScriptedPolicy(name, profile, a)) for a in AMPLITUDES]
         for name, profile in PROFILES.items()
     }
-    squares = [
+    squares: list[Trial] = [
         ({"period": period, "amplitude": a}, Quieter(RateSquarePolicy(period, 3.5), a))
         for period in PERIODS
         for a in AMPLITUDES
     ]
-    shaped = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
     return {
         "zero": [({}, ZeroPolicy())],
         "random": [({}, RandomPolicy())],
