@@ -14,6 +14,7 @@ from satid_gym.oscillators import Oscillator, Panel, SloshMass
 from satid_gym.satellite import Satellite
 
 _SHEETS_MAX = 1000
+_LOG_STD_MAX = 0.5  # as of an oscillator
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -21,7 +22,8 @@ class Appendages(Config, abc.ABC):
     """Base of the ranges, (low, high) each, drawn log-uniformly: one data sheet for each of `sheets` draws.
 
     Attributes:
-        share: of panels, the part of an axis's inertia that is theirs; of a tank, the part of the mass that sloshes.
+        share: of panels, d^2 / J, the part of an axis's inertia that their mode takes along (d: `Mode.coupling`); of a
+            tank, the part of the mass that sloshes.
         frequency: Hz, of the data sheet.
         damping: damping ratio of the data sheet.
         mass_std, frequency_std, damping_std: std of the logarithm of the true value about the data sheet's.
@@ -47,24 +49,30 @@ class Appendages(Config, abc.ABC):
         super().__post_init__()
         for name, most in (("share", 0.5), ("frequency", 100.0), ("damping", 0.5)):
             object.__setattr__(self, name, range_of(f"{name} of the appendages", getattr(self, name), most))
+        for name in ("mass_std", "frequency_std", "damping_std"):
+            check_number(f"{name} of the appendages", getattr(self, name), high=_LOG_STD_MAX)
         check_integer("sheets of the appendages", self.sheets, high=_SHEETS_MAX)
         check_integer("seed of the appendages", self.seed, low=0)
         if self.deflection_limit is not None:
-            check_number("deflection_limit", self.deflection_limit, strict=True)
+            check_number("deflection_limit of the appendages", self.deflection_limit, strict=True)
 
     def equip(self, satellite: Satellite) -> tuple[Satellite, ...]:
-        """The satellite with these appendages, once for each data sheet.
+        """The satellite with these appendages, once for each data sheet; itself where it is one of these already.
 
         Raises:
             ValueError: it has oscillators of its own, lacks what places them, or cannot carry them.
         """
-        if satellite.oscillators:
-            raise ValueError(
-                f"the scenario gives satellites their panels or tanks, and {satellite.name!r} has oscillators of its "
-                "own: fly it in another scenario, or without them"
-            )
+        bare = satellite.replace(oscillators=())
         rows = [np.random.default_rng([self.seed, i]) for i in range(self.sheets)]
-        return tuple(satellite.replace(oscillators=(self.draw(satellite, rng),)) for rng in rows)
+        equipped = tuple(bare.replace(oscillators=(self.draw(bare, rng),)) for rng in rows)
+        if not satellite.oscillators:
+            return equipped
+        if satellite in equipped:
+            return (satellite,)
+        raise ValueError(
+            f"the scenario gives satellites their panels or tanks, and {satellite.name!r} has oscillators of its "
+            "own: fly it in another scenario, or without them"
+        )
 
     @abc.abstractmethod
     def draw(self, satellite: Satellite, rng: np.random.Generator) -> Oscillator:

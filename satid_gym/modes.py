@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from satid_gym.config import Config, real_array
+from satid_gym.config import Config, check_number, real_array
 from satid_gym.core.truth.oscillators import SHARE_LEFT_MIN
 from satid_gym.oscillators import Oscillator
 from satid_gym.rigid_body import point_inertia
+
+_DAMPING_MAX = 1.0  # critical: beyond it a mode does not oscillate
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,8 +30,11 @@ class Mode(Config):
         coupling_std: std of the logarithm of the coupling.
         frequency_std: std of the logarithm of the frequency.
         damping_std: std of the logarithm of the damping ratio.
-        deflection_limit: of eta, kg^(1/2) m; None: no limit.
+        deflection_limit: of eta at nominal mass, kg^(1/2) m; None: no limit.
         deflection_std: std of the first deflection eta, kg^(1/2) m; that of its rate is w times as large.
+
+    Raises:
+        ValueError: a value is out of range.
     """
 
     coupling: np.ndarray
@@ -48,6 +53,12 @@ class Mode(Config):
         object.__setattr__(self, "coupling", real_array("mode coupling", self.coupling, (3,)))
         for name in ("inertia_slope", "inertia_curvature"):
             object.__setattr__(self, name, real_array(f"mode {name}", getattr(self, name), (3, 3)))
+        check_number("mode frequency", self.frequency, strict=True)
+        check_number("mode damping", self.damping, high=_DAMPING_MAX)
+        for name in ("coupling_std", "frequency_std", "damping_std", "deflection_std"):
+            check_number(f"mode {name}", getattr(self, name))
+        if self.deflection_limit is not None:
+            check_number("mode deflection_limit", self.deflection_limit, strict=True)
 
 
 def modes_of(value: object) -> tuple[Mode, ...]:

@@ -12,8 +12,10 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 
 from satid_gym import SATELLITES, Panel, ReactionWheels, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.core import kernels
+from satid_gym.core.belief.modes import bend
 from satid_gym.core.observation import BOUND, MODE_PARTS, layout
 from satid_gym.estimators import MomentumEKF, RateEKF
+from satid_gym.modes import mode_of
 from satid_gym.policies import build, find
 from satid_gym.policy import missions
 from satid_gym.problem import problem
@@ -360,6 +362,27 @@ def test_modes_are_the_beliefs():
         assert shown[10] == -10.0
         np.testing.assert_array_equal(seen[places[5] : places[5] + 2], 0.0)  # panels turn z alone
         observation, *_ = env.step(rng.uniform(-0.3, 0.3, 3).astype(np.float32))
+
+
+def test_a_limit_of_deflection_is_of_angle_whatever_the_mass():
+    """A filter that is told the truth, panels 1.4 times as heavy, knows how much of the limit they are bent by."""
+    limited, factor, angle = PANELS.replace(deflection_limit=0.004), 1.4, 0.003
+    env = SatInertiaIDEnv(
+        FLEXIBLE.replace(oscillators=[limited]), "static", observation="body", include_covariance=True
+    )
+    env.reset(seed=2)
+    (mode,) = env.problem.satellites[0].modes
+    heavier = mode_of(limited.replace(mass=factor * limited.mass, inertia=factor * limited.inertia), None)
+    eta = angle * np.sqrt(2.0 * factor * limited.inertance)  # of a pair, of unit modal mass
+    belief = env.fleet.rows.beliefs[0]
+    belief["mean"][9], belief["mean"][12] = eta, 0.5 * np.log(factor)
+    assert bend(belief) == pytest.approx(angle / limited.deflection_limit, rel=1e-12)
+    assert bend(belief) == pytest.approx(eta / heavier.deflection_limit, rel=1e-12)
+    kernels.look(env.fleet.rows, env.fleet.work)
+    seen = env.fleet.rows.observations[0][env.layout["modes"]]
+    rung = np.linalg.norm(mode.coupling) * FLEXIBLE.rate_limit
+    assert seen[2] == pytest.approx(heavier.deflection_limit * 2.0 * np.pi * mode.frequency / rung, rel=1e-5)
+    assert seen[0] / seen[2] == pytest.approx(angle / limited.deflection_limit, rel=1e-5)
 
 
 def test_a_decision_without_readings_shows_a_nis_as_expected():

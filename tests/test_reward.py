@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from satid_gym import SATELLITES, SatInertiaIDEnv
+from satid_gym import SATELLITES, Panel, SatInertiaIDEnv
 from satid_gym.core import kernels
 from satid_gym.core.records import Criterion
 from satid_gym.estimators import MomentumEKF
@@ -15,6 +15,11 @@ from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
 LOG2 = np.log(2.0)
+LIGHT = Panel(  # so light that the body does not give way
+    mass=1e-5, hinge=[0.0, 0.3, 0.0], axis=[0.0, 0.0, 1.0], arm=[0.0, 0.6, 0.0], frequency=0.25, damping=0.0,
+    mass_std=0.2, mirrored=True, deflection_limit=0.01,
+)  # fmt: skip
+CALM = {"disturbance_scale": 0.0, "torque_noise": 0.0, "initial_rate_std": 0.0, "wheel_speed_range": 0.0}
 
 
 class Recorder(MomentumEKF):
@@ -193,6 +198,53 @@ def test_a_wheel_at_its_speed_limit_costs_its_share_of_the_wheels():
     assert [step[1] for step in steps] == [pytest.approx(-1.0), pytest.approx(-1.0)]
     assert [step[4]["cost"] for step in steps] == [pytest.approx(1.0 / 3.0)] * 2
     assert [step[4]["outside"] for step in steps] == [0.0, 0.0]
+
+
+def bent(deflection: float, **settings) -> SatInertiaIDEnv:
+    """A body at rest whose panels are bent by this many limits."""
+    flexible = SATELLITES["microsat"].replace(oscillators=[LIGHT])
+    env = SatInertiaIDEnv(flexible, "static", {**CALM, "solar_pressure": 0.0, "gravity_gradient": False}, **settings)
+    env.reset(seed=1)
+    env.fleet.rows.plants["oscillators"]["deflection"] = deflection * LIGHT.deflection_limit
+    return env
+
+
+def test_deflection_costs_the_share_of_samples_beyond_the_limit():
+    """q = q_0 cos(w t), w = pi / 2 per s: 2 limits until acos(1/2) / w = 2/3 s, so 6 of the first 10 samples."""
+    env = bent(2.0)
+    _, _, terminated, _, info = env.step(np.zeros(3, np.float32))
+    assert info["costs"]["deflection"] == pytest.approx(0.6)
+    assert info["cost"] == pytest.approx(0.6)
+    assert not terminated
+    assert bent(0.99).step(np.zeros(3, np.float32))[4]["costs"]["deflection"] == 0.0
+
+
+@cases(("deflection", "ends"), [(3.9, False), (4.2, True)])
+def test_deflection_beyond_its_factor_ends_the_episode(deflection, ends):
+    """Sampled .1 s on, q_0 cos(0.157) = 0.988 q_0 counts: 3.85 and 4.15 limits of the 4 that are allowed."""
+    _, _, terminated, _, info = bent(deflection).step(np.zeros(3, np.float32))
+    assert terminated == ends
+    np.testing.assert_allclose(info["deflection"], deflection * np.cos(0.05 * np.pi) * 0.01, rtol=1e-3)
+
+
+def test_deflection_penalty_by_hand():
+    """A largest estimate of 1.5 limits in the decision pays 4 (1.5 - 1) = 2; 0.9 limits pay nothing."""
+    for bend, paid in ((1.5, 2.0), (0.9, 0.0)):
+        env = bent(0.0, reward={"held_scale": 0.0, "envelope_weight": 0.0, "deflection_weight": 4.0})
+        env.fleet.rows.reports["peak_bend"] = bend
+        kernels.conclude(env.fleet.rows, env.fleet.work)
+        assert env.fleet.rows.reports["reward"][0] == pytest.approx(-paid, abs=1e-12)
+
+
+def test_deflection_is_paid_for_as_the_filter_estimates_it():
+    """The filter, told that the panels are 1.4 times as heavy and bent by 1.5 limits, pays for 1.5 at their largest."""
+    env = bent(1.5, reward={"held_scale": 0.0, "envelope_weight": 0.0, "deflection_weight": 1.0})
+    belief = env.fleet.rows.beliefs[0]
+    eta = 1.5 * LIGHT.deflection_limit * np.sqrt(2.0 * 1.4 * LIGHT.inertance)  # of a pair, of unit modal mass
+    at = belief["modes"]["first"]
+    belief["mean"][at], belief["mean"][at + 3] = eta, 0.5 * np.log(1.4)
+    _, value, *_ = env.step(np.zeros(3, np.float32))
+    assert value == pytest.approx(-(1.5 * np.cos(0.05 * np.pi) - 1.0), rel=0.01)
 
 
 def test_net_gain_telescopes_and_held_is_its_sum():

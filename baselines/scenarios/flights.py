@@ -28,11 +28,12 @@ class Flown:
     """Scores of N episodes.
 
     Attributes:
-        expected: relative error that the filter expects, mean over the flight; infinite where it ended early.
+        expected: relative error that the filter expects, geometric mean over the inertia's parameters and mean over
+            the flight; infinite where it ended early.
         error: relative error at the end, or when it ended.
-        nees: normalised estimation error squared, mean over the flight.
-        costs: (N, costs).
-        terminated: whether it ended early.
+        nees: normalised estimation error squared, mean over the time that was flown.
+        costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
+        terminated: whether it ended early; no cost says so.
     """
 
     expected: np.ndarray
@@ -41,18 +42,32 @@ class Flown:
     costs: np.ndarray
     terminated: np.ndarray
 
+    def inside(self, limit: float) -> bool:
+        """Whether no episode ended early and each cost, in the mean over episodes, is at most a limit."""
+        return not self.terminated.any() and bool(self.costs.mean(axis=0).max() <= limit)
+
     def first(self, count: int) -> Flown:
         """The first so many episodes."""
-        return Flown(*(getattr(self, name)[:count] for name in self.__dataclass_fields__))
+        return self.take(np.arange(count))
+
+    def take(self, rows: np.ndarray) -> Flown:
+        """The episodes of these numbers."""
+        return Flown(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 def flown(cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = None) -> Flown:
-    """Scores of a policy that commands rates; `told` may change what it observes."""
-    settings = {"control": "rate", **observation_settings(policy)}
+    """Scores of a policy that commands rates; `told` may change what it observes.
+
+    What the filter expects follows from its information, which must be that of "logdet": in nats, it is the number p
+    of parameters times the logarithm of the geometric mean of prior std over std.
+    """
+    settings = {"control": "rate", "reward": "logdet", **observation_settings(policy)}
     env = SatInertiaIDVectorEnv(len(seeds), cell.satellite, cell.inertia, cell.scenario, **settings)
     policy.reset(missions(env.problem)[0], seeds)
     observation, info = env.reset(seed=list(seeds))
-    moments = env.problem.layout["inertia"].stop - env.problem.layout["inertia"].start
+    beliefs = env.fleet.rows.beliefs
+    prior = np.exp(np.log(beliefs["prior_theta_std"] / beliefs["theta_scale"]).mean(axis=1))  # relative std
+    parameters = beliefs["theta_scale"].shape[1]
     count, steps = len(seeds), env.problem.scenario.decisions
     alive, error = np.ones(count, bool), np.zeros(count)
     expected, nees, costs = np.zeros(count), np.zeros(count), np.zeros((count, len(COSTS)))
@@ -63,9 +78,9 @@ def flown(cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = 
         observation, _, terminated, _, info = env.step(policy(observation))
         lived += alive
         error = np.where(alive, info["relative_error"], error)
-        expected += np.where(alive, np.exp(-info["information_held"] / moments), np.inf) / steps
+        expected += np.where(alive, prior * np.exp(-info["information_held"] / parameters), np.inf) / steps
         nees += np.where(alive, info["nees"], 0.0)
-        costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 1.0) / steps
+        costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
         alive &= ~terminated
     env.close()
-    return Flown(expected, error, nees / lived, costs, ~alive)
+    return Flown(expected, error, nees / lived, costs / lived[:, None], ~alive)

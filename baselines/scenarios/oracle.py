@@ -3,34 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from baselines.scenarios.flights import Cell, Flown, flown
-from satid_gym.core.observation import MODE_PARTS
+from satid_gym.core.observation import BOUND, MODE_PARTS
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.policy import Mission
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-_POPULATION, _ELITE, _ROUNDS = 32, 8, 6  # of the search, for each episode
+_POPULATION, _ROUNDS = 32, 6  # of the search, for each episode
+_ELITE = 0.25  # of the population
+_SPREAD = 0.6  # std of the first population about the typical settings
 _STRAY = 100.0  # by which a cost beyond its limit counts in the search
+_TYPICAL = {"period": 24.0, "share": 0.6, "dwell": 0.5, "amplitude": 0.8}
+_SIZES = {"period": 3, "share": 1, "dwell": 1, "amplitude": 1, "shift": 1}
+_EDGES = np.cumsum([0, *_SIZES.values()]).tolist()
+_PLACES = {name: slice(*_EDGES[i : i + 2]) for i, name in enumerate(_SIZES)}
+_FREQUENCY = 1  # place in the drawn scale of an oscillator: mass, frequency, damping
+_KNOWN = -BOUND  # observed standard deviation of what is known exactly
 
 
 def with_true_modes(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:
-    """Observations in which the modes' frequency and deflection are the true ones, known exactly."""
+    """Observations in which frequency and deflection of the only mode, that of one tank or mirrored pair, are true.
+
+    Its deflection is that of the pair's mean times the limit of eta over that of angle or travel; the mass in both is
+    the filter's, and what a policy does with their ratio is free of it.
+    """
     rows, places = env.fleet.rows, dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
-    modes, told = rows.beliefs["modes"], observation.copy()
+    modes, limit, told = rows.beliefs["modes"], rows.tasks["deflection_limit"], observation.copy()
     part = told[:, env.problem.layout["modes"]].reshape(len(told), -1, sum(MODE_PARTS.values()))
-    o = rows.plants["oscillators"]
-    period = env.problem.scenario.decision_period
-    by_limit = part[:, 0, places["deflection_limit"]] / rows.tasks["deflection_limit"][:, 0]
-    mean, rate = (o[name].mean(axis=1) for name in ("deflection", "speed"))  # of the pair
-    if np.isfinite(rows.tasks["deflection_limit"]).all():
-        part[:, 0, places["deflection"]] = mean * by_limit
-        part[:, 0, places["deflection_rate"]] = rate / modes["frequency"][:, 0] * by_limit
-    part[:, 0, places["frequency"]] = modes["frequency"][:, 0] * o["scale"][:, 0, 1] * period / (2.0 * np.pi)
-    part[:, 0, places["frequency_std"]] = -10.0
+    o, nominal = rows.plants["oscillators"], modes["frequency"][:, 0]
+    if np.isfinite(limit).all():
+        rung = np.linalg.norm(modes["coupling"][:, 0], axis=1) * rows.tasks["rate_limit"]
+        growth = np.linalg.norm(modes["d"][:, 0], axis=1) / np.linalg.norm(modes["coupling"][:, 0], axis=1)
+        eta = modes["limit"][:, 0] * growth / limit[:, 0]  # by angle or travel, at the mass that the filter believes
+        part[:, 0, places["deflection"]] = o["deflection"].mean(axis=1) * eta * nominal / rung
+        part[:, 0, places["deflection_rate"]] = o["speed"].mean(axis=1) * eta / rung
+    cycles = nominal * o["scale"][:, 0, _FREQUENCY] * env.problem.scenario.decision_period / (2.0 * np.pi)
+    part[:, 0, places["frequency"]], part[:, 0, places["frequency_std"]] = cycles, _KNOWN
     told[:, env.problem.layout["modes"]] = part.reshape(len(told), -1)
     return told
 
@@ -39,39 +51,54 @@ class Plan(ShapedSquarePolicy):
     """`shaped_square` with settings of its own for each episode, those of the oracle's search.
 
     Args:
-        logs: (N, 7) logarithms of three periods over 24 s, of share over 0.6, dwell over 0.5 and amplitude over 0.8,
-            and a shift of phase.
+        points: (N, 7) where the search looks: logarithms of settings over typical ones, three of them the axes'
+            periods, and a shift of phase in quarters of a period.
     """
 
-    def __init__(self, logs: np.ndarray) -> None:
+    def __init__(self, points: np.ndarray) -> None:
         super().__init__(caution=0.0)
-        factors = np.exp(logs)
-        self.period = 24.0 * factors[:, :3]  # type: ignore[assignment]
-        self.share, self.dwell = 0.6 * factors[:, 3], 0.5 * factors[:, [4]]  # type: ignore[assignment]
-        self.amplitude = np.minimum(0.8 * factors[:, [5]], 1.0)  # type: ignore[assignment]
-        self._shift = logs[:, [6]]
+        given = {name: typical * np.exp(points[:, _PLACES[name]]) for name, typical in _TYPICAL.items()}
+        self.period, self.dwell = given["period"], given["dwell"]  # type: ignore[assignment]
+        self.share = np.minimum(given["share"][:, 0], 1.0)  # type: ignore[assignment]
+        self.amplitude = np.minimum(given["amplitude"], 1.0)  # type: ignore[assignment]
+        self._shift = points[:, _PLACES["shift"]]
 
-    def reset(self, mission: Any, seeds: Sequence[int]) -> None:
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare, each episode with its own phase."""
         super().reset(mission, seeds)
-        self._phase = self._phase[0] + 0.25 * self._shift
+        self._phase += 0.25 * self._shift
+
+    def told(self, env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:
+        """What it observes, with true modes; the first observation has their data sheet, which it notes."""
+        if self._sheet is None:
+            self.note_sheet(observation)
+        return with_true_modes(env, observation)
 
 
-def search(cell: Cell, seeds: Sequence[int], limit: float) -> Flown:
-    """Of each episode the best flight that the cross-entropy method has found; `limit`: of each cost."""
-    episodes, rng = len(seeds), np.random.default_rng(0)
-    mean, std = np.zeros((episodes, 1, 7)), np.full((episodes, 1, 7), 0.6)
+def search(
+    cell: Cell, seeds: Sequence[int], limit: float, population: int = _POPULATION, rounds: int = _ROUNDS
+) -> Flown:
+    """Of each episode the best flight that the cross-entropy method has found.
+
+    Args:
+        cell: what is flown.
+        seeds: of the episodes.
+        limit: of each cost.
+        population: settings that are flown of each episode in a round.
+        rounds: how often.
+    """
+    episodes, size, rng = len(seeds), _EDGES[-1], np.random.default_rng(0)
+    mean, std = np.zeros((episodes, 1, size)), np.full((episodes, 1, size), _SPREAD)
     best: Flown | None = None
-    for _ in tqdm(range(_ROUNDS), desc="oracle", unit="round"):
-        logs = mean + std * rng.standard_normal((episodes, _POPULATION, 7))
-        logs[:, 0] = mean[:, 0]
-        flight = flown(cell, Plan(logs.reshape(-1, 7)), np.repeat(seeds, _POPULATION).tolist(), with_true_modes)
-        value = _value(flight, limit).reshape(episodes, -1)
-        order = np.argsort(value, axis=1)
-        chosen = order[:, 0] + _POPULATION * np.arange(episodes)
-        here = Flown(*(getattr(flight, name)[chosen] for name in flight.__dataclass_fields__))
+    for _ in tqdm(range(rounds), desc="oracle", unit="round"):
+        points = mean + std * rng.standard_normal((episodes, population, size))
+        points[:, 0] = mean[:, 0]
+        plan = Plan(points.reshape(-1, size))
+        flight = flown(cell, plan, np.repeat(seeds, population).tolist(), plan.told)
+        order = np.argsort(_value(flight, limit).reshape(episodes, -1), axis=1)
+        here = flight.take(order[:, 0] + population * np.arange(episodes))
         best = here if best is None else _better(best, here, limit)
-        elite = np.take_along_axis(logs, order[:, :_ELITE, None], axis=1)
+        elite = np.take_along_axis(points, order[:, : max(1, round(_ELITE * population)), None], axis=1)
         mean, std = elite.mean(axis=1, keepdims=True), 0.5 * std + 0.5 * elite.std(axis=1, keepdims=True)
     assert best is not None
     return best

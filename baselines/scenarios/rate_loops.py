@@ -22,6 +22,7 @@ from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.faults import Faults
 from satid_gym.files import check_writable, write_json
+from satid_gym.laws import INERTIA_MODES, MASS_MODES
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.problem import CONTROLS
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
@@ -100,6 +101,7 @@ class RateLoopStudy:
         """
         check_names("world", self.worlds, EFFECTS)
         check_names("control", self.controls, CONTROLS)
+        check_names("inertia mode", [self.inertia], (*INERTIA_MODES, *MASS_MODES))
         check_number("margin", self.margin)
         check_number("bandwidth", self.bandwidth, strict=True)
         check_integer("episodes", self.episodes)

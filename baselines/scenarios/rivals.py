@@ -13,12 +13,13 @@ from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
-from satid_gym.policy import Policy
+from satid_gym.policy import Policy, observation_settings
 from satid_gym.profiles import PROFILES
 from satid_gym.scenario_catalogue import SCENARIOS
 
 Trial = tuple[dict[str, float], Policy]
 AMPLITUDES = np.geomspace(0.01, 0.95, 12).round(3).tolist()  # of the rate limit
+_INSIDE = -1.0  # ranks before any share of episodes that ended
 PERIODS = (12.0, 24.0, 48.0, 96.0, 192.0)  # s
 SHAPES = [
     {"period": period, "share": share, "dwell": dwell, "amplitude": amplitude}
@@ -35,12 +36,12 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         name: [({"amplitude": a}, ScriptedPolicy(name, profile, a)) for a in AMPLITUDES]
         for name, profile in PROFILES.items()
     }
-    squares = [
+    squares: list[Trial] = [
         ({"period": period, "amplitude": a}, Quieter(RateSquarePolicy(period, 3.5), a))
         for period in PERIODS
         for a in AMPLITUDES
     ]
-    shaped = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
     return {
         "zero": [({}, ZeroPolicy())],
         "random": [({}, RandomPolicy())],
@@ -56,10 +57,12 @@ def _has_limit(scenario: str) -> bool:
 
 
 class Quieter:
-    """A policy whose actions are taken by a factor."""
+    """A policy whose actions are taken by a factor; it observes what that policy does."""
 
     def __init__(self, policy: Policy, factor: float) -> None:
         self.name, self.kind = policy.name, policy.kind
+        asked = observation_settings(policy)
+        self.include_covariance, self.observation = asked["include_covariance"], asked["observation"]
         self._policy, self._factor = policy, factor
 
     def reset(self, mission: Any, seeds: Sequence[int]) -> None:
@@ -72,13 +75,15 @@ class Quieter:
 
 
 def choose(cell: Cell, trials: Sequence[Trial], limit: float, episodes: int) -> Trial:
-    """Settings with the least expected error on tuning seeds, no cost beyond the limit; else those that cost least."""
+    """Settings with the least expected error on tuning seeds, of those inside the limit (see `Flown.inside`); where
+    none are, of those under which the fewest episodes end early the ones that cost least."""
     if len(trials) == 1:
         return trials[0]
-    judged: list[tuple[bool, float, int]] = []
+    judged: list[tuple[float, float, int]] = []
     for i, (_, policy) in enumerate(trials):
         flight = flown(cell, policy, seeds("tuning", episodes))
-        cost = float(flight.costs.mean(axis=0).max())
-        outside = cost > limit
-        judged.append((outside, cost if outside else float(flight.expected.mean()), i))
+        if flight.inside(limit):
+            judged.append((_INSIDE, float(flight.expected.mean()), i))
+        else:
+            judged.append((float(flight.terminated.mean()), float(flight.costs.mean(axis=0).max()), i))
     return trials[min(judged)[2]]

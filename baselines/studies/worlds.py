@@ -8,8 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from satid_gym.appendages import panel_pair
 from satid_gym.friction import WheelFriction
-from satid_gym.oscillators import Panel, SloshMass
+from satid_gym.oscillators import SloshMass
 from satid_gym.policies.registry import NotPreparedError, build, make_baseline
 from satid_gym.policy import Policy
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
@@ -72,22 +73,7 @@ OBSERVATORY = _satellite(
 
 def _with_panels(satellite: Satellite, share: float, frequency: float) -> Satellite:
     """The satellite with two thin panels along y that turn about z and have a share of that axis's inertia."""
-    assert satellite.size is not None
-    hinge, arm = 0.5 * satellite.size[1], satellite.size[1]
-    own = arm**2 / 3.0  # of a plate twice as long as the arm, by its mass
-    by_mass = 2.0 * ((hinge + arm) * arm + own) ** 2 / (arm**2 + own)
-    mass = share * satellite.inertia[2, 2] / by_mass
-    panel = Panel(
-        mass=mass,
-        hinge=np.array([0.0, hinge, 0.0]),
-        axis=np.array([0.0, 0.0, 1.0]),
-        arm=np.array([0.0, arm, 0.0]),
-        inertia=mass * own * np.array([1.0, 0.0, 1.0]),
-        frequency=frequency,
-        damping=0.005,
-        mirrored=True,
-        **_MODE_STD,
-    )
+    panel = panel_pair(satellite, share, 1, 2, frequency=frequency, damping=0.005, **_MODE_STD)
     return satellite.replace(oscillators=(*satellite.oscillators, panel))
 
 

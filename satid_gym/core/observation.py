@@ -175,7 +175,7 @@ def _observe_modes(belief, task, omega, out, i):
         per_rung = 1.0 / rung if rung > 0.0 else 0.0
         i = _write(out, i, mean[at] * own.frequency[m] * per_rung)
         i = _write(out, i, modes.deflection_rate(belief, m, omega) * per_rung)
-        i = _write(out, i, own.limit[m] * own.frequency[m] * per_rung)
+        i = _write(out, i, modes.limit_of(belief, m) * own.frequency[m] * per_rung)
         i = _write(out, i, own.w[m] * period / (2.0 * np.pi))
         i = _write(out, i, _log_share(np.sqrt(covariance[at + 2, at + 2])))
         for k in range(3):

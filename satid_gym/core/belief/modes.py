@@ -44,7 +44,7 @@ def modes_dtype(count: int) -> np.dtype:
             ("damping", FLOAT, count),  # nominal zeta
             ("inertia_slope", FLOAT, (count, 3, 3)),  # nominal D
             ("inertia_curvature", FLOAT, (count, 3, 3)),  # E
-            ("limit", FLOAT, count),  # of eta; infinite without one
+            ("limit", FLOAT, count),  # of eta at nominal mass; infinite without one
             ("std", FLOAT, (count, STATES)),  # prior; of p that of deta/dt
             # d, w and zeta of the filter's mean
             ("d", FLOAT, (count, 3)),
@@ -136,11 +136,17 @@ def deflection_rate(belief, i, omega):
 
 
 @inline
+def limit_of(belief, i):
+    """Limit of mode i's eta. Angle or travel is what is limited, and eta goes with the root of the mass, as d does."""
+    return belief.modes.limit[i] * np.exp(belief.mean[belief.modes.first + STATES * i + 3])
+
+
+@inline
 def bend(belief):
     """Largest estimated deflection of the modes over its limit; 0 without any."""
     largest = 0.0
     for i in range(belief.modes.coupling.shape[0]):
-        largest = max(largest, abs(belief.mean[belief.modes.first + STATES * i]) / belief.modes.limit[i])
+        largest = max(largest, abs(belief.mean[belief.modes.first + STATES * i]) / limit_of(belief, i))
     return largest
 
 
