@@ -71,6 +71,12 @@ def start(belief):
             state.variance[k, i] = 1.0
 
 
+@inline
+def is_inflated(belief):
+    """Whether F is above 1; then each reading is watched, however little is known, so that F falls again."""
+    return belief.whiteness.factor > 1.0
+
+
 @outline
 def note(belief, work):
     """Take in the innovation of the update that was just made, and inflate what that calls for."""
@@ -141,10 +147,42 @@ def _inflate(belief):
     state.factor = factor = min(beyond * beyond, _FACTOR_MAX)
     if factor <= state.factor_max:
         return
-    growth = factor / state.factor_max
+    _forget(belief, factor / state.factor_max)
     state.factor_max = factor
-    for k in range(belief.prior_theta_std.shape[0]):
-        growth = min(growth, belief.prior_theta_std[k] ** 2 / belief.covariance[3 + k, 3 + k])
-    for i in range(belief.mean.shape[0] if growth > 1.0 else 0):
-        for j in range(belief.mean.shape[0]):
+
+
+@inline
+def _forget(belief, growth):
+    """Divide what the readings have told by `growth` > 1, and keep what was known before the first of them."""
+    p, modes, errors = belief.prior_theta.shape[0], belief.modes, belief.calibration
+    size = belief.mean.shape[0]
+    for i in range(size):
+        for j in range(size):
             belief.covariance[i, j] *= growth
+    for k in range(p):
+        _keep_prior(belief, 3 + k, belief.prior_theta_std[k] ** 2, growth)
+    for i in range(3):
+        _keep_prior(belief, 3 + p + i, belief.prior_torque_std**2, growth)
+    for i in range(modes.std.shape[0]):
+        for k in range(2, modes.std.shape[1]):  # frequency, size and damping; deflection and momentum have no prior
+            _keep_prior(belief, modes.first + modes.std.shape[1] * i + k, modes.std[i, k] ** 2, growth)
+    for k in range(errors.states):
+        _keep_prior(belief, size - errors.states + k, errors.prior_covariance[k, k], growth)
+
+
+@inline
+def _keep_prior(belief, k, variance, growth):
+    """Add 1 - 1 / growth of the information that state k's prior variance stands for, as if it were measured."""
+    P = belief.covariance
+    if P[k, k] <= 0.0:
+        return
+    variance = max(variance, P[k, k] / growth)  # where the state has moved, its prior is no longer known
+    total = variance * growth / (growth - 1.0) + P[k, k]
+    for i in range(P.shape[0]):
+        if i != k:
+            for j in range(i, P.shape[0]):
+                if j != k:
+                    P[i, j] = P[j, i] = P[i, j] - P[i, k] * P[k, j] / total
+    share = 1.0 - P[k, k] / total
+    for i in range(P.shape[0]):
+        P[i, k] = P[k, i] = share * P[i, k]
