@@ -8,17 +8,24 @@ ringing or slosh, makes them larger, or alike from one reading to the next (colo
 R is the variance of e in the long run, sum over k of a^|k| E[e(t) e(t - k)], over that of white ones: 1 where nothing
 is left out. T = 0 gives the mean NIS, by axis. Means are over the last MEMORY readings and begin with PRIOR readings
 as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R, for the two
-shortest T raised to where flights with a periodic inertia on tuning seeds seldom come. An inertia that varies and is
+shortest T raised by hand. An inertia that varies and is
 followed with a lag colours innovations slowly too, so beyond the _FAST shortest T an R counts only while the filter's
 own walk says that the inertia hardly varies, or, with `inflate`, once another R has gone beyond its limit.
 
 With `inflate` the readings' noise covariance is multiplied by F, the square of the largest R / limit beyond 1: what is
-left out is no noise that averages out, but comes with the motion that tells of the inertia. Where F is the largest so
-far, the covariance is multiplied by what F has grown, theta's at most to its prior: what was learned before was learned
-from the same readings.
+left out is no noise that averages out, but comes with the motion that tells of the inertia. Where F has grown by g > 1
+over its largest so far, what was learned before was learned from the same readings, and counts as much less:
+
+    (P+)^-1 = P^-1 / g + (1 - 1 / g) S^-1
+
+with S diagonal: the prior variances of theta, of the disturbance torque, of the modes' frequency, size and damping and
+of the errors of sensors and wheels, each at least the variance it has; infinite for M and for the modes' motion, which
+the next readings tell again. So each state grows by itself, at most to its prior.
+F falls with R, and is watched for that however little is known meanwhile. A filter with a large F follows slowly, which
+colours its innovations too: where little excites the body, or the inertia varies, F may stay large by itself.
 Source: Mehra, On the identification of variances and adaptive Kalman filtering (1970), for the test; Newey and West,
 A simple positive semi-definite heteroskedasticity and autocorrelation consistent covariance matrix (1987), for the
-variance in the long run. The factor is this project's, tuned on tuning seeds.
+variance in the long run. The factor is this project's.
 """
 
 from __future__ import annotations
@@ -31,13 +38,15 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
 TIME_CONSTANTS = (0.0, 3.0, 10.0, 30.0, 100.0)  # T, samples
-LIMITS = (1.4, 1.9, 2.28, 3.42, 4.89)  # of R, see baselines/tuning/whiteness_limits.py
+# of R: the last three as baselines/tuning/whiteness_limits.py prints them; the first two were raised by hand, for flights
+# with a periodic inertia on tuning seeds; no command gives them
+LIMITS = (1.4, 1.9, 2.28, 3.42, 4.89)
 FALSE_ALARM_RATE = 0.01  # share of white flights of 3000 readings that go beyond a limit, at most
 MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
 _FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
 _FACTOR_MAX = 1e4
-_STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies
+_STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies: by hand, from the same flights
 _COUNT = len(TIME_CONSTANTS)
 
 
@@ -141,7 +150,10 @@ def is_alarmed(state, walk):
 
 @inline
 def _inflate(belief):
-    """Set F by the innovations; raise the covariance where F is the largest so far."""
+    """Set F by the innovations; raise the covariance where F is the largest so far.
+
+    That F is the square of the excess, not the excess itself, was chosen by hand.
+    """
     state = belief.whiteness
     beyond = max(1.0, excess(state, 0), colour(state, inertia_walk(belief)))
     state.factor = factor = min(beyond * beyond, _FACTOR_MAX)
