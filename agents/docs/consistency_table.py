@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from baselines.command.markdown import table
 from baselines.studies.worlds import WORLDS
 
-_GROUPS = {  # policies by how much they excite the body
-    "rate_square": ("rate_square",),
-    "multi_step, sine": ("multi_step", "sine"),
-    "one_step, zero": ("one_step", "zero"),
-}
+_GROUPS = (("rate_square",), ("multi_step", "sine"), ("one_step", "zero"))  # policies by how they excite the body
 
 Cell = Mapping[str, Any]
 
@@ -37,19 +33,40 @@ def _by_world(results: Mapping[str, Any], topic: str) -> dict[str, list[Cell]]:
     return {name: [cell for cell in cells if cell["world"] == name] for name in names}
 
 
+def _policies(cells: Iterable[Cell], group: Sequence[str]) -> str:
+    """Those of a group that the cells are of."""
+    flown = {cell["policy"] for cell in cells}
+    return ", ".join(policy for policy in group if policy in flown)
+
+
+def _heads(worlds: Mapping[str, Sequence[Cell]]) -> list[str]:
+    """Head of each group's column: its policies that any of the worlds was flown with."""
+    cells = [cell for own in worlds.values() for cell in own]
+    return [f"{_policies(cells, group)}: NEES" for group in _GROUPS]
+
+
 def _flown(results: Mapping[str, Any], worlds: Mapping[str, Sequence[Cell]]) -> str:
-    """What was flown, below a table."""
-    own = {cell.get("revision", results["revision"])[:7] for cells in worlds.values() for cell in cells}
-    return f"\n\n{results['settings']['episodes']} validation episodes a cell; revision {', '.join(sorted(own))}."
+    """What was flown, below a table, and in which worlds it was less than the head says."""
+    cells = [cell for own in worlds.values() for cell in own]
+    revisions = sorted({cell.get("revision", results["revision"])[:7] for cell in cells})
+    text = f"\n\n{results['settings']['episodes']} validation episodes a cell; revision {', '.join(revisions)}."
+    for name, own in worlds.items():
+        fewer = [
+            ", ".join(dict.fromkeys(cell[key] for cell in own))
+            for key in ("policy", "inertia")
+            if {cell[key] for cell in own} < {cell[key] for cell in cells}
+        ]
+        text += f" {name}: {'; '.join(fewer)} alone." if fewer else ""
+    return text
 
 
 def consistency_table(results: Mapping[str, Any], topic: str = "calibration") -> str:
     """Final error of the first group and NEES of each, over satellites and inertia modes, world by world."""
     worlds, rows = _by_world(results, topic), []
     for world, own in worlds.items():
-        groups = [[cell for cell in own if cell["policy"] in policies] for policies in _GROUPS.values()]
+        groups = [[cell for cell in own if cell["policy"] in policies] for policies in _GROUPS]
         rows.append([world, _errors(groups[0]), *(_span([cell["nees"] for cell in cells]) for cells in groups)])
-    head = ["world", "rate_square: error, %", *(f"{name}: NEES" for name in _GROUPS)]
+    head = ["world", "rate_square: error, %", *_heads(worlds)]
     return table(head, rows, text_columns=1) + _flown(results, worlds)
 
 
@@ -62,10 +79,10 @@ def timing_table(results: Mapping[str, Any]) -> str:
     worlds, rows = _by_world(results, "timing"), []
     for world, own in worlds.items():
         square = [cell for cell in own if cell["policy"] == "rate_square"]
-        smooth = [[c for c in own if c["policy"] in p and c["inertia"] != "step"] for p in _GROUPS.values()]
+        smooth = [[c for c in own if c["policy"] in p and c["inertia"] != "step"] for p in _GROUPS]
         stepped = [cell for cell in square if cell["inertia"] == "step"]
         medians, means = _span([c["nees_median"] for c in stepped]), _span([c["nees"] for c in stepped])
         rows.append([world, _errors(square), *(_span([c["nees"] for c in cells]) for cells in smooth), medians, means])
-    head = ["world", "rate_square: error, %", *(f"{name}: NEES" for name in _GROUPS)]
+    head = ["world", "rate_square: error, %", *_heads(worlds)]
     head += ["rate_square, step: median NEES", "mean NEES"]
     return table(head, rows, text_columns=1) + _flown(results, worlds)

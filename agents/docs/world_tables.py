@@ -52,7 +52,9 @@ def unmodelled_table(results: Mapping[str, Any]) -> str:
         rows.append([world, policy, *figures, f"{100.0 * np.mean([cell['alarmed'][0] for cell in own]):.0f}"])
     head = ["world", "policy", "NEES", "NEES from 60 s on", "final error, %", "flights with an alarm, %"]
     flown = "{episodes} {split} episodes a cell; revision ".format(**results["settings"])
-    flown += f"{results['revision'][:7]}."
+    ended = sum(sum(cell["ended"]) for cell in cells)
+    flown += f"{results['revision'][:7]}; {ended or 'none'} of {2 * results['settings']['episodes'] * len(cells)} "
+    flown += "flights ended early."
     return table(head, rows, text_columns=2) + "\n\n" + flown
 
 

@@ -1,7 +1,8 @@
 """Consistency of a filter that is told too little: `python -m baselines.scenarios.unmodelled`.
 
 Flies satellites with panels, slosh, a gyro bias or friction of which their filter knows nothing, and prints for each
-what becomes of error and NEES without and with `inflate`, and in how many episodes the innovations raise an alarm.
+what becomes of error and NEES without and with `inflate`, in how many episodes the innovations raise an alarm, and how
+many end early. NEES is a mean over the readings of flights that have not ended; one that is not finite is an error.
 In world "as nominal" nothing is left out but what every episode of the scenario has.
 """
 
@@ -67,23 +68,33 @@ class UnmodelledStudy:
         """Check the settings before any work.
 
         Raises:
-            ValueError: a name is unknown or the number of episodes is not positive.
+            ValueError: a name is unknown, a world has none of the satellites, or the number of episodes is not
+                positive.
         """
         check_names("policy", self.policies, list(BASELINES))
         check_names("world", self.worlds, WORLDS)
-        check_names("satellite", self.satellites, SATELLITES)
+        own = {satellite.name for world in self.worlds for satellite in WORLDS[world].satellites}
+        check_names("satellite", self.satellites, {*SATELLITES, *own})
         check_names("inertia mode", self.inertias, (*INERTIA_MODES, *MASS_MODES))
         check_integer("episodes", self.episodes)
         seeds(self.split, self.episodes)
+        for world in self.worlds:
+            if not self.satellites_of(world):
+                names = ", ".join(satellite.name for satellite in WORLDS[world].satellites)
+                raise ValueError(f"world {world!r} has satellites of its own and none of the study's: add {names}")
 
     def satellites_of(self, world: str) -> list[Satellite]:
         """Satellites of the study as a world has them."""
-        own = {satellite.name: satellite for satellite in WORLDS[world].satellites}
-        return [own[name] if own else SATELLITES[name] for name in self.satellites if not own or name in own]
+        own = {satellite.name: satellite for satellite in WORLDS[world].satellites} or SATELLITES
+        return [own[name] for name in self.satellites if name in own]
 
 
 def cell(study: UnmodelledStudy, world: str, policy: str, satellite: Satellite, inertia: str) -> dict[str, Any]:
-    """Scores of one cell by (`inflate` off, on): lists of two means over episodes."""
+    """Scores of one cell by (`inflate` off, on): lists of two means over episodes, and of two counts of those ended.
+
+    Raises:
+        ValueError: see `mean_nees`.
+    """
     scenario = Scenario(**WORLDS[world].scenario)
     pilot, chosen = policy_for(policy, satellite, scenario), seeds(study.split, study.episodes)
     found: dict[str, Any] = {"world": world, "satellite": satellite.name, "inertia": inertia, "policy": policy}
@@ -92,37 +103,53 @@ def cell(study: UnmodelledStudy, world: str, policy: str, satellite: Satellite, 
         (mission,) = missions(env.problem)
         pilot.reset(mission, chosen)
         observation, info = env.reset(seed=chosen)
-        alive, flown = np.ones(study.episodes, bool), []
+        alive, nees, flown = np.ones(study.episodes, bool), [], []
         error, alarmed = info["relative_error"].copy(), np.zeros(study.episodes, bool)
         for _ in range(scenario.decisions):
             observation, _, terminated, _, info = env.step(pilot(observation))
             error[alive], alarmed = info["relative_error"][alive], alarmed | (alive & info["unmodelled"])
-            flown.append(np.where(alive, info["nees"], np.nan))
+            nees.append(info["nees"].copy())
+            flown.append(alive.copy())
             alive &= ~terminated
         env.close()
-        nees, late = np.array(flown), round(SETTLED / scenario.decision_period)
+        late = round(SETTLED / scenario.decision_period)
         scores = {
-            "nees": np.nanmean(nees),
-            "nees_settled": np.nanmean(nees[late:]) if np.isfinite(nees[late:]).any() else np.nan,
-            "final_error": error.mean(),
-            "alarmed": alarmed.mean(),
+            "nees": mean_nees(np.array(nees), np.array(flown)),
+            "nees_settled": mean_nees(np.array(nees[late:]), np.array(flown[late:])),
+            "final_error": float(error.mean()),
+            "alarmed": float(alarmed.mean()),
+            "ended": int((~alive).sum()),
         }
         for name, value in scores.items():
-            found.setdefault(name, []).append(float(value))
+            found.setdefault(name, []).append(value)
     return found
+
+
+def mean_nees(nees: np.ndarray, flown: np.ndarray) -> float:
+    """Mean of NEES (T, N) where a flight goes on, `flown` (T, N).
+
+    Raises:
+        ValueError: no flight goes on, or NEES is not finite where one does.
+    """
+    own = nees[flown]
+    if not own.size or not np.isfinite(own).all():
+        broken = np.flatnonzero((flown & ~np.isfinite(nees)).any(axis=0))
+        raise ValueError(f"NEES of {own.size} readings, not finite in episodes {broken.tolist()}")
+    return float(own.mean())
 
 
 def show(rows: list[dict[str, Any]]) -> None:
     """Print one line for each world and policy: means over satellites and inertia modes, without -> with `inflate`."""
-    head = f"{'NEES':>18s} {'from 60 s on':>18s} {'final error, %':>20s} {'alarmed':>14s}"
+    head = f"{'NEES':>18s} {'from 60 s on':>18s} {'final error, %':>20s} {'alarmed':>14s} {'ended':>10s}"
     print(f"{'world':24s} {'policy':12s}{head}")
     for world, policy in dict.fromkeys((row["world"], row["policy"]) for row in rows):
         own = [row for row in rows if (row["world"], row["policy"]) == (world, policy)]
-        mean = {name: np.nanmean([row[name] for row in own], axis=0) for name in own[0] if name not in row_keys(own[0])}
+        mean = {name: np.mean([row[name] for row in own], axis=0) for name in own[0] if name not in row_keys(own[0])}
         nees, late = (f"{mean[name][0]:8.2f} -> {mean[name][1]:5.2f}" for name in ("nees", "nees_settled"))
         error = f"{100 * mean['final_error'][0]:8.4f} -> {100 * mean['final_error'][1]:7.4f}"
         alarm = f"{mean['alarmed'][0]:5.0%} -> {mean['alarmed'][1]:5.0%}"
-        print(f"{world:24s} {policy:12s}{nees:>18s} {late:>18s} {error:>20s} {alarm:>14s}")
+        ended = " -> ".join(str(count) for count in np.sum([row["ended"] for row in own], axis=0))
+        print(f"{world:24s} {policy:12s}{nees:>18s} {late:>18s} {error:>20s} {alarm:>14s} {ended:>10s}")
 
 
 def row_keys(row: dict[str, Any]) -> set[str]:

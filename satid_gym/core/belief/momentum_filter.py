@@ -185,6 +185,8 @@ def _update(belief, work, gyro):
         _copy(prior_mean, prior, belief.mean, belief.covariance, size)
         nis = update(belief, work, 3, support)
     belief.constrained_updates = min(belief.constrained_updates, constrained_updates + 1)
+    if whiteness.is_inflated(belief):
+        whiteness.note(belief, work)
     return nis
 
 
@@ -205,7 +207,7 @@ def _update_rate(belief, work, support):
     if adapts:
         adaptation.learn(belief, work)
     retraction.finish(belief, work)
-    if not coarse:
+    if not coarse or whiteness.is_inflated(belief):
         whiteness.note(belief, work)
     return nis
 

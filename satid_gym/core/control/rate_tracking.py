@@ -1,6 +1,7 @@
 """Rate tracking: wheel torque, sample by sample, that makes the body rate follow a reference.
 
-The torque that the wheels are to feel, (n,) with A^+ the pseudo-inverse of their axes, is
+The torque that the wheels are to feel, (n,) with A^+ the pseudo-inverse of their axes, by which each motor takes a part
+as it is strong, is
 
     u = A^+ (tau + M x omega - k (J - A j A^T) (omega_ref - omega)) - N h / T_N
 
@@ -21,7 +22,17 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import add, axpy_symmetric, cross, load, load_symmetric, multiply, scale_symmetric, subtract
+from satid_gym.core.algebra import (
+    add,
+    axpy_symmetric,
+    cross,
+    inverse,
+    load,
+    load_symmetric,
+    multiply,
+    scale_symmetric,
+    subtract,
+)
 from satid_gym.core.belief import filters
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control import motors
@@ -32,6 +43,7 @@ from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.wheels import sum_wheels
 
 _EVEN_OUT = 20.0  # T_N, s
+_HEALTHY = 0.6  # gain of each motor without which torques would not cancel each other
 
 
 @functools.cache
@@ -41,7 +53,9 @@ def tracking_dtype(n: int) -> np.dtype:
         [
             ("on", INT),  # 0: actions are wheel torque
             ("bandwidth", FLOAT),  # k, rad/s
-            ("allocation", FLOAT, (n, 3)),  # A^+
+            ("allocation", FLOAT, (n, 3)),  # pseudo-inverse of the axes
+            ("sharing", FLOAT, (n, 3)),  # A^+
+            ("reach", FLOAT, n),  # torque that a motor has, N m
             ("rotor_inertia", FLOAT, (3, 3)),  # A j A^T, kg m^2
             ("spin_max", FLOAT, n),  # momentum that a wheel may store, N m s
             ("reference", FLOAT, 3),  # omega_ref, rad/s
@@ -53,9 +67,33 @@ def tracking_dtype(n: int) -> np.dtype:
 
 
 @inline
-def _even_out(s, axes, limit, torque):
+def _share_by_gain(s, axes, limit):
+    """Write what each motor has, and A^+ = G A^T (A G A^T)^-1 with G of the gains' squares.
+
+    Returns the least gain.
+    """
+    weakest = s.motors.gain[0]
+    xx = yy = zz = xy = xz = yz = 0.0
+    for k in range(limit.shape[0]):
+        gain = s.motors.gain[k]
+        weakest = min(weakest, gain)
+        s.reach[k] = min(gain, 1.0) * limit[k]
+        x, y, z = axes[0, k], axes[1, k], axes[2, k]
+        g = gain * gain
+        xx, yy, zz = xx + g * x * x, yy + g * y * y, zz + g * z * z
+        xy, xz, yz = xy + g * x * y, xz + g * x * z, yz + g * y * z
+    back = inverse((xx, yy, zz, xy, xz, yz))
+    for k in range(limit.shape[0]):
+        row = multiply(back, (axes[0, k], axes[1, k], axes[2, k]))
+        for i in range(3):
+            s.sharing[k, i] = s.motors.gain[k] ** 2 * row[i]
+    return weakest
+
+
+@inline
+def _even_out(s, axes, torque):
     """Add torques that cancel each other and even out the wheels' momenta, as far as the motors have some left."""
-    total = sum_wheels(axes, s.motors.spin)
+    total, limit = sum_wheels(axes, s.motors.spin), s.reach
     left = 1.0
     for k in range(torque.shape[0]):
         s.scratch[0, k] = (allocate(s.allocation, total, k) - s.motors.spin[k]) / _EVEN_OUT
@@ -82,12 +120,13 @@ def track(task, belief, gyro, tachometer, dt, torque):
     free = axpy_symmetric(-1.0, load_symmetric(s.rotor_inertia), inertia)
     scaled = scale_symmetric(-s.bandwidth, free)
     drift = add(tau, cross(momentum, omega))
+    weakest = _share_by_gain(s, axes, limit)
     for k in range(n):
-        torque[k] = allocate(s.allocation, drift, k)
+        torque[k] = allocate(s.sharing, drift, k)
     error = subtract(wanted, omega)
-    push = multiply(scaled, within_reach(error, scaled, s.allocation, torque, limit, s.scratch[0]))
+    push = multiply(scaled, within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0]))
     for k in range(n):
-        torque[k] = min(max(torque[k] + allocate(s.allocation, push, k), -limit[k]), limit[k])
-    if n > 3:
-        _even_out(s, axes, limit, torque)
+        torque[k] = min(max(torque[k] + allocate(s.sharing, push, k), -s.reach[k]), s.reach[k])
+    if n > 3 and weakest > _HEALTHY:
+        _even_out(s, axes, torque)
     motors.command(task, torque)
