@@ -68,7 +68,7 @@ class Gate:
         """Check the settings before any work.
 
         Raises:
-            ValueError: a name is unknown or a number is out of range.
+            ValueError: a name is unknown, a number is out of range, or there are no modes to tell an oracle.
         """
         check_names("scenario", [self.scenario], SCENARIOS)
         check_names("satellite", [self.satellite], SATELLITES)
