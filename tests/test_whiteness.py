@@ -262,7 +262,7 @@ def test_six_parameters_are_inflated_each_to_its_prior_at_most(microsat):
 
 
 def _shaken(satellite, seconds: int, first: float, last: float):
-    """Readings of a static inertia, with a sine of 0.35 Hz and three times the gyro's noise from `first` to `last`, s."""
+    """Readings of a static inertia, with a sine of 0.35 Hz, three times the gyro's noise, from `first` to `last`, s."""
     readings = fly(satellite, "static", seconds=seconds)
     t = DT * np.arange(len(readings.gyro))
     sine = np.where((t > first) & (t < last), np.sin(2.0 * np.pi * 0.35 * t), 0.0)
