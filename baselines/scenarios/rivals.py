@@ -18,15 +18,15 @@ from satid_gym.profiles import PROFILES
 from satid_gym.scenario_catalogue import SCENARIOS
 
 Trial = tuple[dict[str, float], Policy]
-AMPLITUDES = np.geomspace(0.01, 0.95, 12).round(3).tolist()  # of the rate limit
+AMPLITUDES = np.geomspace(0.01, 0.95, 20).round(3).tolist()  # of the rate limit
 _INSIDE = -1.0  # ranks before any share of episodes that ended
 PERIODS = (12.0, 24.0, 48.0, 96.0, 192.0)  # s
 SHAPES = [
     {"period": period, "share": share, "dwell": dwell, "amplitude": amplitude}
     for period in (12.0, 24.0, 48.0)
-    for share in (0.2, 0.35, 0.5, 0.65, 0.8)
-    for dwell in (0.0, 1.0)
-    for amplitude in (0.5, 0.7, 1.0)
+    for share in (0.35, 0.5, 0.65, 0.8, 0.9, 1.0)
+    for dwell in (0.0, 0.5, 1.0)
+    for amplitude in (0.7, 1.0)
 ]
 
 

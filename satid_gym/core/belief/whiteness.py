@@ -8,9 +8,9 @@ ringing or slosh, makes them larger, or alike from one reading to the next (colo
 R is the variance of e in the long run, sum over k of a^|k| E[e(t) e(t - k)], over that of white ones: 1 where nothing
 is left out. T = 0 gives the mean NIS, by axis. Means are over the last MEMORY readings and begin with PRIOR readings
 as expected. An R beyond its limit is an alarm; the limits are quantiles of white noise's own largest R, for the two
-shortest T raised by hand. An inertia that varies and is
-followed with a lag colours innovations slowly too, so beyond the _FAST shortest T an R counts only while the filter's
-own walk says that the inertia hardly varies, or, with `inflate`, once another R has gone beyond its limit.
+shortest T raised by hand. An inertia that varies and is followed with a lag colours innovations slowly too, so beyond
+the _FAST shortest T an R counts only while the filter's own walk says that the inertia hardly varies, or, with
+`inflate`, once another R has gone beyond its limit.
 
 With `inflate` the readings' noise covariance is multiplied by F, the square of the largest R / limit beyond 1: what is
 left out is no noise that averages out, but comes with the motion that tells of the inertia. Where F has grown by g > 1
@@ -38,15 +38,15 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
 TIME_CONSTANTS = (0.0, 3.0, 10.0, 30.0, 100.0)  # T, samples
-# of R: the last three as baselines/tuning/whiteness_limits.py prints them; the first two were raised by hand, for
-# flights with a periodic inertia on tuning seeds; no command gives them
+# of R: the last three within 3 % of what baselines/tuning/whiteness_limits.py prints; the first two were raised by hand
+# from 1.30 and 1.65, for the alarms of flights with a periodic inertia on tuning seeds, of which no command is kept
 LIMITS = (1.4, 1.9, 2.28, 3.42, 4.89)
 FALSE_ALARM_RATE = 0.01  # share of white flights of 3000 readings that go beyond a limit, at most
 MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
 _FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
 _FACTOR_MAX = 1e4
-_STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies: by hand, from the same flights
+_STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies: chosen by hand for the same
 _COUNT = len(TIME_CONSTANTS)
 
 

@@ -26,9 +26,6 @@ EQUIVALENT: dict[str, dict[str, str]] = {
             "spike_gyro: plant.gyro[axis] += size if which < 3.0 else -size -> "
             "plant.gyro[axis] += size if which <= 3.0 else -size"
         ): "likewise",
-        "delay_command: if plant.delay_left > 0: -> if plant.delay_left >= 0:": (
-            "-1 waits for nothing either, and the next command sets it"
-        ),
     },
     "core/belief/rate_filter": {
         "predict: identity = work.jacobian[3] -> identity = work.jacobian[2]": "what was there is not needed any more",
