@@ -23,12 +23,16 @@ class Golden:
 
     output: Path = DATA
     """JSON file that the tests hold the environment against."""
+    new: bool = False
+    """Fly only the cases that it lacks, and keep the others as they are."""
 
 
 def main(settings: Golden) -> int:
     """Fly every case and write what it gave; the exit code."""
     check_writable(settings.output.parent)
-    flights = {case: fly(case) for case in tqdm(CASES, desc="golden flights", unit="flight")}
+    kept = json.loads(settings.output.read_text(encoding="utf-8"))["flights"] if settings.new else {}
+    flown = tqdm(CASES, desc="golden flights", unit="flight")
+    flights = {case: kept[case] if case in kept else fly(case) for case in flown}
     head = result_head("tests.golden")
     lines = ",\n".join(
         f" {json.dumps(case)}: {json.dumps(flight, allow_nan=False)}" for case, flight in flights.items()
