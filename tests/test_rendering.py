@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import pickle
 import subprocess
 import sys
 import time
 import warnings
+from types import SimpleNamespace
 
 import gymnasium
 import imageio_ffmpeg
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RecordVideo
+from scipy.spatial.transform import Rotation
 
 from satid_gym import SATELLITES, SatInertiaIDEnv
 from satid_gym.core.belief.records import belief_dtype
@@ -22,9 +25,11 @@ from satid_gym.core.records import report_dtype
 from satid_gym.core.truth.records import plant_dtype
 from satid_gym.estimators import FilterpyMomentumEKF
 from satid_gym.rendering import History, draw
-from satid_gym.rendering.canvas import PANEL, SERIES, TEXT, Canvas, shade
-from satid_gym.rendering.scene import MOMENTUM_COLOUR, RATE_COLOUR, box
+from satid_gym.rendering.appendages import Appendages
+from satid_gym.rendering.canvas import ALARM, PANEL, SERIES, TEXT, Canvas, shade
+from satid_gym.rendering.scene import MOMENTUM_COLOUR, RATE_COLOUR, Scene, box
 from satid_gym.rendering.strip import Strip
+from tests.cases import cases
 
 SHORT = {"horizon": 20.0}
 SCENE = (slice(36, 256), slice(0, 270))  # rows and columns of a frame of 480
@@ -319,3 +324,48 @@ def test_speed():
         env.render()
         times.append(time.perf_counter() - start)
     assert 1.0 / min(times) > 10.0
+
+
+# panels and tanks
+
+
+@cases("scenario", ["flex", "slosh"])
+def test_appendages_are_drawn_as_they_bend(scenario):
+    """The words say how far, the colour when too far, and the picture moves with the deflection alone."""
+    env = SatInertiaIDEnv("microsat", "static", scenario, render_mode="rgb_array", render_size=480)
+    env.reset(seed=3)
+    env.step(np.zeros(3, np.float32))
+    history, frames = env._history, []
+    limit = env.problem.satellites[0].oscillators[0].deflection_limit
+    for share in (0.0, 0.5, 0.99, 1.01):
+        history._series["deflection"][history.count - 1] = share * limit
+        frames.append(env.render())
+    for before, after in itertools.pairwise(frames):
+        assert changed(before, after, SCENE)
+        np.testing.assert_array_equal(before[RATES], after[RATES])
+    red = [len(where(frame[SCENE], ALARM)) for frame in frames]
+    assert max(red[:3]) < 20 < red[3]
+
+
+def test_a_panel_is_drawn_at_its_hinge_and_along_its_arm():
+    """Seen in the body's own frame: a panel of a metre at half a metre, turned by 20 degrees at its limit."""
+    env = SatInertiaIDEnv("microsat", "static", "flex", render_mode="rgb_array")
+    env.reset(seed=3)
+    satellite = env._history.satellite
+    (panel,) = satellite.oscillators
+    canvas = Canvas(480, 480)
+    scene = Scene(canvas, (240.0, 240.0), 100.0, env._history)
+    drawn = []
+    scene.canvas = SimpleNamespace(
+        polygon=lambda points, *_: drawn.append(np.asarray(points)), line=lambda *_, **__: None
+    )
+    for q in (0.0, panel.deflection_limit):
+        env._history._series["deflection"][0] = q
+        appendages = Appendages(scene)
+        appendages.panels(front=True)
+        appendages.panels(front=False)
+    assert len(drawn) == 4  # a pair, twice
+    for points, angle in zip(drawn, (0.0, 0.0, 20.0, 20.0), strict=True):
+        turned = Rotation.from_rotvec(np.radians(angle) * panel.axis).as_matrix() @ panel.arm
+        middles = [scene.place(scene.scale * scene.to_view @ (side * (panel.hinge + turned))) for side in (1.0, -1.0)]
+        assert min(np.linalg.norm(points.mean(axis=0) - middle) for middle in middles) < 1e-6

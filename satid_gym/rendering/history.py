@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.laws import LAW_NAMES
+from satid_gym.oscillators import oscillator_count
 from satid_gym.satellite import Satellite
 
 
@@ -38,6 +39,7 @@ class History:
             "std": np.zeros((size, 3)),
             "relative_error": np.zeros(size),
             "outside": np.zeros(size),
+            "deflection": np.zeros((size, oscillator_count(satellite.oscillators))),
         }
 
     def note(self, plant: np.void, belief: np.void, report: np.void) -> None:
@@ -45,6 +47,7 @@ class History:
         i = self.count
         for name in ("time", "attitude", "momentum", "rate", "wheel_speed"):
             self._series[name][i] = plant[name]
+        self._series["deflection"][i] = plant["oscillators"]["deflection"]
         self._series["truth"][i] = np.diag(report["inertia_true"])
         self._series["estimate"][i] = belief["mean"][3:6]
         common = belief["scale_variance"] * np.square(belief["mean"][3:6])  # of a factor that no excitation finds
@@ -105,3 +108,8 @@ class History:
     def outside(self) -> float:
         """Share of the time so far with a rate outside its limit."""
         return float(self._noted("outside")[1:].mean()) if self.count > 1 else 0.0
+
+    @property
+    def deflection(self) -> np.ndarray:
+        """(N, c) of each panel, rad, and slosh mass, m, the two of a mirrored pair one after the other."""
+        return self._noted("deflection")

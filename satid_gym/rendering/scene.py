@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from satid_gym.rendering.canvas import MUTED, RULE, TEXT, Canvas, Colour, series_colour, shade
+from satid_gym.rendering.appendages import Appendages, extent
+from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, Colour, series_colour, shade
 from satid_gym.rendering.history import History
 from satid_gym.satellite import ReactionWheels, Satellite
 
@@ -24,6 +25,7 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
 _WHEEL_TURN = 2.5  # rad per decision by which a wheel at its speed limit is drawn to turn; really hundreds
 _MOMENTUM_UNIT = 0.2  # of the wheels' capacity: momentum whose arrow has the length of a rate at its limit
 _ARROW_MAX = 1.25  # of that length
+_REACH, _SMALLEST = 1.6, 0.5  # radii to the tip of a panel, and share of its size to which it may make the box shrink
 
 
 def box(satellite: Satellite) -> tuple[np.ndarray, np.ndarray]:
@@ -60,6 +62,9 @@ class Scene:
         self.centre = np.array(centre)
         self.edges, axes = box(history.satellite)
         self.scale = 2.0 * radius / float(np.linalg.norm(self.edges))  # canvas units per unit of the edges
+        reach = extent(history.satellite.oscillators)
+        if history.satellite.size is not None and reach > 0.0:
+            self.scale *= max(_SMALLEST, min(1.0, _REACH * radius / (reach * self.scale)))
         self.to_view = _VIEW @ Rotation.from_quat(history.attitude[-1]).as_matrix()
         self.box_to_view = self.to_view @ axes
         self.light = _VIEW @ _LIGHT
@@ -70,15 +75,24 @@ class Scene:
 
     def draw(self) -> None:
         """Draw everything, from back to front."""
+        appendages = Appendages(self)
         self.inertial_axes()
+        appendages.panels(front=False)
         self.faces(front=False)
         wheels = self.history.satellite.wheels
         centres = self.wheel_centres(wheels)
         for k in np.argsort((self.to_view @ centres)[2]):
             self.wheel(int(k), centres[:, k], wheels.axes[:, k])
+        appendages.masses()
         self.faces(front=True)
+        appendages.panels(front=True)
         self.body_axes()
         self.vectors()
+        share = appendages.share()
+        if share is not None:
+            said = f"deflection {100.0 * share:.0f} % of its limit, drawn larger"
+            place = self.centre + np.array([-1.55, -1.23]) * self.radius
+            self.canvas.text(place, said, ALARM if share > 1.0 else MUTED, 10.0)
 
     def inertial_axes(self) -> None:
         """Draw the triad of the inertial axes next to the satellite."""
