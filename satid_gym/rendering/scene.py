@@ -90,8 +90,8 @@ class Scene:
         self.vectors()
         share = appendages.share()
         if share is not None:
-            said = f"deflection {100.0 * share:.0f} % of its limit, drawn larger"
-            place = self.centre + np.array([-1.55, -1.23]) * self.radius
+            said = f"deflection {100.0 * share:.0f} % of its limit"
+            place = self.centre + np.array([-0.92, 1.29]) * self.radius
             self.canvas.text(place, said, ALARM if share > 1.0 else MUTED, 10.0)
 
     def inertial_axes(self) -> None:
