@@ -30,9 +30,9 @@ test: setup  ## the quick lane: physics, filters, environment, statistics, docum
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
 	$(RUN) -m pytest $(PARALLEL) -m slow
 
-test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (it caps matplotlib and tqdm)
+test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (it caps versions of its own)
 	test -x .venv-basilisk/bin/python || $(PYTHON) -m venv .venv-basilisk
-	grep -vE "^(matplotlib|tqdm)=" constraints.txt > .venv-basilisk/constraints.txt
+	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-xdist)=" constraints.txt > .venv-basilisk/constraints.txt
 	.venv-basilisk/bin/python -m pip install --quiet --constraint .venv-basilisk/constraints.txt --editable ".[basilisk]"
 	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
 
