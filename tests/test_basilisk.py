@@ -8,12 +8,25 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
-from satid_gym import SATELLITES, ReactionWheels, Satellite, SatInertiaIDEnv, Scenario, Sensors, Tolerances, simulate
+from satid_gym import (
+    SATELLITES,
+    Pilot,
+    ReactionWheels,
+    Satellite,
+    SatInertiaIDEnv,
+    Scenario,
+    Sensors,
+    Tolerances,
+    simulate,
+)
 from satid_gym.core import kernels
 from satid_gym.estimators import AdaptiveEKF
 from satid_gym.friction import WheelFriction
 from satid_gym.oscillators import Oscillator, Panel
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.scenario import prior_of
 from tests.flexible import BOOM, PANELS, TANK
 
@@ -429,3 +442,71 @@ def test_the_filter_is_consistent_on_basilisks_truth(case):
     nees, relative_error = np.mean(found, axis=0)
     print(f"{case}: NEES {nees:.2f}, final error {relative_error:.4%}")
     assert 0.3 < nees < 2.0, found
+
+
+STEERED = {
+    "exact": {},
+    "full tensor": {"scenario": {"tilt_std": 0.15}},
+    "friction 10 of 100 mN m": {"coulomb": 0.01},
+    "commands three samples late": {"scenario": {"faults": {"torque_delay": (3, 3)}}},
+    "panels, spared": {"oscillators": (LIGHT.replace(deflection_limit=float(np.radians(0.5))),)},
+}
+
+
+def steered(
+    seed: int, scenario: dict | None = None, coulomb: float = 0.0, oscillators: tuple[Oscillator, ...] = ()
+) -> tuple[float, float, float]:
+    """Shares of 120 s in which Basilisk's microsat is outside its rate limit and its panels beyond theirs; NEES.
+
+    A pilot commands body rates, `shaped_square` where there are panels, else `rate_square`; inertia drawn as above.
+    """
+    generator, nominal = np.random.default_rng([seed, 29]), SATELLITES["microsat"].replace(oscillators=oscillators)
+    world = Scenario().replace(**(scenario or {}))
+    while True:
+        turn = Rotation.from_rotvec(world.tilt_std * generator.normal(size=3)).as_matrix()
+        inertia = np.diag(np.diag(nominal.inertia) * np.exp(0.15 * generator.normal(size=3)))
+        if 2.0 * np.max(np.diag(inertia)) < np.trace(inertia):
+            break
+    inertia = turn @ inertia @ turn.T
+    built = tuple(drawn(o, generator) for o in oscillators)
+    theirs = Basilisk(
+        inertia,
+        nominal.wheels.axes,
+        nominal.wheels.inertia,
+        generator.uniform(-100.0, 100.0, 3),
+        friction=WheelFriction(coulomb=coulomb),
+        oscillators=built,
+        mass=95.0,
+    )
+    policy = ShapedSquarePolicy() if oscillators else RateSquarePolicy(36.0, 3.5)
+    pilot = Pilot(nominal, policy, scenario=world, control="rate")
+    late = [np.zeros(3)] * world.faults.torque_delay[1]
+    outside, beyond, nees = [], [], []
+    for k in range(1200):
+        rate, gyro, speed = theirs.readings()
+        gyro = gyro + nominal.gyro_noise_std * generator.normal(size=3)
+        speed = speed + nominal.tachometer_noise_std * generator.normal(size=3)
+        torque = np.zeros(3)
+        if k > 0:  # Basilisk's IMU has no reading at time 0
+            torque = (pilot.start if k == 1 else pilot.step)(k * PERIOD, gyro, speed)
+        late.append(torque)
+        outside.append(np.abs(rate).max() > nominal.rate_limit)
+        beyond += [np.abs(theirs.deflection()).max() > o.deflection_limit for o in built]
+        if k >= 300 and k % 10 == 0:
+            found = pilot.estimate
+            order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))[: len(found.theta)]
+            error = found.theta - [inertia[i, j] for i, j in order]
+            nees.append(error @ np.linalg.solve(found.covariance, error) / len(error))
+        theirs.advance(np.clip(late.pop(0) + 0.005 * generator.normal(size=3), -0.1, 0.1))
+    return float(np.mean(outside)), float(np.mean(beyond)) if beyond else 0.0, float(np.mean(nees))
+
+
+@pytest.mark.parametrize("case", STEERED)
+def test_rates_are_kept_on_basilisks_truth(case):
+    """Mean of 8 flights: at most 1 % of the time outside the rate limit, and beyond the panels'."""
+    pytest.importorskip("Basilisk")
+    outside, beyond, nees = np.mean([steered(seed, **STEERED[case]) for seed in range(8)], axis=0)
+    print(f"{case}: outside {outside:.3%}, beyond the deflection's limit {beyond:.3%}, NEES {nees:.2f}")
+    assert outside <= 0.01
+    assert beyond <= 0.01
+    assert 0.2 < nees < 2.5
