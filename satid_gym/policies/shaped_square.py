@@ -57,8 +57,8 @@ class ShapedSquarePolicy:
 
     def __init__(
         self,
-        period: float = 24.0,
-        share: float = 0.8,
+        period: float = 12.0,
+        share: float = 0.9,
         caution: float = 1.0,
         dwell: float = 0.5,
         amplitude: float = 1.0,
