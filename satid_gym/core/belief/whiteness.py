@@ -92,17 +92,18 @@ def note(belief, work):
     state = belief.whiteness
     state.readings += 1
     weight = 1.0 / min(state.readings + PRIOR, MEMORY)
-    for i in range(3):
-        variance = work.innovation_variance[i]
-        e = work.normalised[i] * np.sqrt(state.factor * variance / (1.0 + state.factor * (variance - 1.0)))
-        for k in range(_COUNT):
-            a = _KEPT[k]
-            if i == 0:
-                state.kept[k] *= a * a
-            y = state.smoothed[k, i] + (1.0 - a) * (e - state.smoothed[k, i])
+    if state.factor != 1.0:  # of which the innovations are normalised by their variance without it
+        for i in range(3):
+            variance = work.innovation_variance[i]
+            work.normalised[i] *= np.sqrt(state.factor * variance / (1.0 + state.factor * (variance - 1.0)))
+    for k in range(_COUNT):
+        a = _KEPT[k]
+        state.kept[k] *= a * a
+        scale = (1.0 + a) / ((1.0 - a) * (1.0 - state.kept[k]))
+        for i in range(3):
+            y = state.smoothed[k, i] + (1.0 - a) * (work.normalised[i] - state.smoothed[k, i])
             state.smoothed[k, i] = y
-            ratio = y * y * (1.0 + a) / ((1.0 - a) * (1.0 - state.kept[k]))
-            state.variance[k, i] += weight * (ratio - state.variance[k, i])
+            state.variance[k, i] += weight * (scale * y * y - state.variance[k, i])
     if state.inflate != 0:
         _inflate(belief)
 

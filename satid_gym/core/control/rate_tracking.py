@@ -1,9 +1,10 @@
 """Rate tracking: wheel torque, sample by sample, that makes the body rate follow a reference.
 
-The torque that the wheels are to feel, (n,) with A^+ the pseudo-inverse of their axes, by which each motor takes a part
-as it is strong, is
+The torque that the wheels are to feel (n,) is
 
     u = A^+ (tau + M x omega - k (J - A j A^T) (omega_ref - omega)) - N h / T_N
+
+with A^+ the pseudo-inverse of their axes by which each motor takes a part as it is strong.
 
 k, the bandwidth, is low enough for the phase of a late command to leave every bending mode damped: a torque that
 opposes the rate at its own place takes energy out of a mode as long as it is less than a quarter of the mode's period

@@ -82,6 +82,9 @@ def draw_configuration(chance: Random, group: Group) -> Configuration:
         "scenario": scenario,
         "estimator": _estimator(chance, group, satellite),
         "reward": _reward(chance),
+        "observation": chance.choice(("wheels", "body")),
+        # a rate has 3 numbers: with more wheels it would take kernels of its own
+        "control": chance.choice(("torque", "rate")) if group.wheels == 3 else "torque",
     }
     options: Settings = {}
     if chance.random() < 0.2:
@@ -195,9 +198,10 @@ def _flexible(chance: Random, satellite: Settings, sample_period: float) -> Sett
             "direction": turns[2][1].tolist(),
             "deflection_std": _or(chance, 0.0, 0.01 * size),
         }
+        limits = [_or(chance, None, scale * _log(chance, 1e-4, 1.0)) for scale in (1.0, size)]
         parts = [
-            {**part, "frequency": frequency, "damping": damping, **stds}
-            for part, frequency in zip((panel, tank), frequencies, strict=True)
+            {**part, "frequency": frequency, "damping": damping, "deflection_limit": limit, **stds}
+            for part, frequency, limit in zip((panel, tank), frequencies, limits, strict=True)
         ]
         flexible = {"mass": mass, "oscillators": parts}
         try:

@@ -13,7 +13,7 @@ from satid_gym.core.belief.kalman import _FLOOR
 from satid_gym.core.records import InertiaMode
 from satid_gym.estimators.filterpy.model import tensor
 from satid_gym.fleet import DRAW_FAILED
-from satid_gym.gym_api import INFO_KEYS
+from satid_gym.gym_api import COSTS, INFO_KEYS
 from satid_gym.modes import fastest_oscillation
 from tests.qa.fuzz.configuration import Configuration, fastest_turn
 
@@ -79,7 +79,7 @@ def _reset(env: SatInertiaIDEnv, configuration: Configuration, seed: int | None)
 
 def choose(kind: str, chance: np.random.Generator, env: SatInertiaIDEnv, decision: int) -> np.ndarray:
     """One action of a kind."""
-    n = env.problem.wheels
+    n = env.problem.actions
     if kind == "zero":
         return np.zeros(n, np.float32)
     if kind == "random":
@@ -115,7 +115,7 @@ class _Log:
     def reset(self, seen: tuple[np.ndarray, dict[str, Any]]) -> None:
         """Note the start of an episode."""
         self._note(*seen)
-        self.actions.append(np.zeros(self.env.problem.wheels))
+        self.actions.append(np.zeros(self.env.problem.actions))
         self.results.append((0.0, False, False))
 
     def step(self, action: np.ndarray, result: tuple[np.ndarray, float, bool, bool, dict[str, Any]]) -> None:
@@ -139,7 +139,8 @@ class _Log:
         rows = slice(len(infos))
         self.plants, self.beliefs, self.tasks = self.plants[rows], self.beliefs[rows], self.tasks[rows]
         _demand([tuple(info) == INFO_KEYS for info in infos], "info has the wrong keys")
-        self.info = {key: np.array([info[key] for info in infos]) for key in INFO_KEYS}
+        self.info = {key: np.array([info[key] for info in infos]) for key in INFO_KEYS if key != "costs"}
+        self.info |= {f"cost of {name}": np.array([info["costs"][name] for info in infos]) for name in COSTS}
         _demand([o.dtype == np.float32 for o in observations], "observation is not float32")
         self._returned(np.array(observations))
         self._ends()
@@ -160,7 +161,9 @@ class _Log:
         _demand(inside.all(axis=1), "observation is outside its space")
         for key, values in info.items():
             _demand(np.isfinite(values.reshape(len(values), -1)).all(axis=1), f"{key} is not finite")
-        _demand((info["cost"] >= 0.0) & (info["cost"] <= 1.0), "cost is no share", info["cost"])
+        costs = np.array([info[f"cost of {name}"] for name in COSTS])
+        _demand(((costs >= 0.0) & (costs <= 1.0)).all(axis=0), "a cost is no share", costs.T)
+        _demand(info["cost"] == costs.max(axis=0), "cost is not the largest", info["cost"])
         _demand((info["nees"] >= 0.0) & (info["nis"] >= 0.0), "nees or nis is negative", info["nees"], info["nis"])
         truth, estimate = info["inertia_true"], info["inertia_estimate"]
         error = np.linalg.norm(estimate - truth, axis=(1, 2)) / np.linalg.norm(truth, axis=(1, 2))
@@ -168,7 +171,9 @@ class _Log:
         _demand(~wrong, "relative_error is not the inertia's", error, info["relative_error"])
         _demand(info["saturated"].dtype == bool, "saturated is not bool")
         effort = np.mean(np.clip(np.array(self.actions), -1.0, 1.0) ** 2, axis=1)
-        _demand(np.abs(info["effort"] - effort) < 1e-6, "effort is not the action's", effort, info["effort"])
+        if self.env.problem.control == "torque":
+            _demand(np.abs(info["effort"] - effort) < 1e-6, "effort is not the action's", effort, info["effort"])
+        _demand((info["effort"] >= 0.0) & (info["effort"] <= 1.0 + 1e-12), "effort is no share", info["effort"])
 
     def _ends(self) -> None:
         world, tasks, rates = self.env.problem.scenario, self.tasks, self.plants["rate"]
@@ -178,8 +183,9 @@ class _Log:
         _, terminated, truncated = map(np.array, zip(*self.results, strict=True))
         begun = tasks["decision"] > 0
         fast = begun & (np.abs(rates).max(axis=1) > tasks["termination_rate"])
-        _demand(terminated == fast, "terminated at a rate that does not say so", rates)
-        late = (tasks["decision"] >= world.decisions) & ~fast
+        over = fast | (begun & (self.info["deflection"] > tasks["termination_deflection"]).any(axis=1))
+        _demand(terminated == over, "terminated at a rate and deflection that do not say so", rates)
+        late = (tasks["decision"] >= world.decisions) & ~over
         _demand(truncated == late, "truncated at the wrong decision", tasks["decision"])
         time = tasks["decision"] * world.decision_period
         _demand(np.abs(self.info["time"] - time) <= _ROUNDING * time, "time is wrong", self.info["time"], time)
