@@ -101,7 +101,7 @@ def test_a_change_of_rate_bends_a_mode_at_rest_to_its_share_of_the_limit(frequen
 def test_a_flight_uses_the_share_and_stays_within(frequency):
     own = mission()
     sheet, mode = sheet_and_truth(frequency)
-    square = policy(own, share=0.7)
+    square = policy(own, share=0.7, period=24.0)
     square.note_sheet(seen(own, sheet, sheet))
     rates = []
     for _ in range(150):
