@@ -27,8 +27,8 @@ class Appendages(Config, abc.ABC):
         frequency: Hz, of the data sheet.
         damping: damping ratio of the data sheet.
         mass_std: std of the logarithm of the true mass about the data sheet's.
-        frequency_std: likewise of the frequency.
-        damping_std: likewise of the damping ratio.
+        frequency_std: the same of the frequency.
+        damping_std: the same of the damping ratio.
         deflection_limit: rad of panels, m of a tank's mass; None: no limit.
         sheets: data sheets to draw; an episode flies one of them.
         seed: of these draws.

@@ -164,8 +164,8 @@ limit; "deflection": share of the samples with a panel or a slosh mass beyond it
 consistent, and 1 where the filter is not watched (RateEKF, own estimators) |
     | colour | largest variance of the innovations in the long run over that of white ones and over its limit; \
 beyond 1 it is an alarm |
-    | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; without \
-cause in 1 % of flights |
+    | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; a \
+periodic inertia can do it too |
     | inflation | factor on the variance of the readings' noise, with the estimator's `inflate`; else 1 |
     | inertia_walk | random walk of each moment relative to its prior that the filter uses, per sqrt(s) |
     | steps_found | steps of the inertia that the filter has found so far |

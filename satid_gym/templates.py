@@ -12,6 +12,7 @@ from satid_gym.core.task import task_dtype
 from satid_gym.core.truth.records import draw_dtype
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.inertia import products_of_inertia
+from satid_gym.estimators.prior import counting_std
 from satid_gym.estimators.records import new_belief
 from satid_gym.faults import Faults
 from satid_gym.law_ranges import LawRanges
@@ -125,10 +126,11 @@ def _write_tracking(row: np.void, p: Problem, satellite: Satellite) -> None:
 
 def _acceleration_noise(satellite: Satellite, scenario: Scenario) -> np.ndarray:
     """Std (n,) of a sample's dh/dt of each wheel over its torque limit: of the motors, and of two readings."""
-    wheels, sensors, dt = satellite.wheels, satellite.sensors, scenario.sample_period
-    pulse = 2.0 * np.pi / (sensors.encoder_pulses * dt) if sensors.encoder_pulses is not None else 0.0
-    reading = np.sqrt(2.0 * (satellite.tachometer_noise_std**2 + pulse**2 / 12.0))
-    return np.hypot(scenario.torque_noise, wheels.inertia * reading / (dt * wheels.max_torque))
+    wheels, pulses, dt = satellite.wheels, satellite.sensors.encoder_pulses, scenario.sample_period
+    change = np.sqrt(2.0) * satellite.tachometer_noise_std  # of two readings
+    if pulses is not None:  # of three angles a, b, c it is (a - 2 b + c) / dt
+        change = np.sqrt(6.0) * counting_std(2.0 * np.pi / pulses) / dt
+    return np.hypot(scenario.torque_noise, wheels.inertia * change / (dt * wheels.max_torque))
 
 
 def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:

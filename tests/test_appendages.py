@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from satid_gym import SATELLITES, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario
+from satid_gym import SATELLITES, Pilot, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario
 from satid_gym.appendages import Panels, Tank
 from satid_gym.modes import Mode, mode_of
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
 from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
@@ -171,3 +172,13 @@ def test_a_sheet_may_be_given_at_reset(name):
     other = SCENARIOS[name].appendages.replace(seed=9).equip(SATELLITES["microsat"])[0]
     with pytest.raises(ValueError, match="has oscillators of its own"):
         env.reset(options={"satellite": other})
+
+
+def test_a_pilot_flies_one_of_the_data_sheets():
+    with pytest.raises(
+        ValueError, match=r"'microsat' in scenario 'flex' stands for 32: give one .*problem\.satellites"
+    ):
+        Pilot("microsat", ShapedSquarePolicy(), scenario="flex", control="rate")
+    sheet = problem("microsat", scenario="flex").satellites[3]
+    pilot = Pilot(sheet, ShapedSquarePolicy(), scenario="flex", control="rate")
+    assert pilot.mission.satellite.oscillators == sheet.oscillators

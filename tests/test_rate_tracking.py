@@ -74,6 +74,23 @@ def test_it_learns_how_strong_the_motors_are_and_what_their_bearings_take():
         np.testing.assert_allclose(motors["friction"][0], 0.05, atol=0.015)
 
 
+def test_what_the_readings_say_of_a_motor_is_as_noisy_as_it_takes_them_for():
+    """R_0 against drawn readings: white noise of tachometers, and angles that an encoder rounds to whole pulses."""
+    rng, wheels = np.random.default_rng(0), SATELLITES["microsat"].wheels
+    scale = wheels.inertia[0] / (0.1 * wheels.max_torque[0])
+    exact = np.cumsum(rng.uniform(7.0, 8.0, 20_000))  # pulses that the wheel has turned
+    rate = np.diff(2.0 * np.pi / 24 * (np.floor(exact) - exact)) / 0.1
+    drawn = {
+        "white": ({}, np.diff(SATELLITES["microsat"].tachometer_noise_std * rng.standard_normal(20_000))),
+        "counted": ({"sensors": {"encoder_pulses": 24}}, np.diff(rate)),
+    }
+    for name, (world, change) in drawn.items():
+        env = SatInertiaIDEnv("microsat", "static", {"torque_noise": 0.03, **world}, control="rate")
+        expected = np.hypot(0.03, scale * np.std(change))
+        prior = env.fleet.templates.records.tasks["tracking"]["motors"]["prior"][0, 0]
+        np.testing.assert_allclose(np.sqrt(prior), expected / [0.16, 0.05], rtol=0.02, err_msg=name)
+
+
 def test_wheels_that_turn_against_each_other_are_brought_to_share(pyramid):
     """What cancels among four wheels leaves within tens of seconds, and the body does not feel it."""
     env = SatInertiaIDEnv(pyramid, "static", {**QUIET, "wheel_speed_range": 0.3}, control="rate")

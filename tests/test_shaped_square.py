@@ -109,7 +109,7 @@ def test_a_flight_uses_the_share_and_stays_within(frequency):
         mode.turn(own.satellite.rate_limit * rates[-1], own.scenario.decision_period)
     assert 0.6 * mode.limit < mode.peak <= 0.7 * mode.limit * (1.0 + 1e-6)
     along = np.array(rates) @ mode.d / np.linalg.norm(mode.d)
-    assert np.ptp(along) > 1.5, "it turns to and fro nonetheless"
+    assert np.ptp(along) > 1.5, "it turns to and fro all the same"
 
 
 def test_a_mode_that_rings_is_damped():

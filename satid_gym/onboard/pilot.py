@@ -67,7 +67,7 @@ class Pilot:
         if len(given.satellites) != 1:
             raise ValueError(
                 f"a pilot flies one data sheet, and {satellite!r} in scenario {world.name!r} stands for "
-                f"{len(given.satellites)}: give one of satid_gym.problem(...).satellites"
+                f"{len(given.satellites)}: give one of the environment's, env.unwrapped.problem.satellites"
             )
         self.policy: Policy = policy_by_name(policy, own.name, world.name) if isinstance(policy, str) else policy
         self.problem = given.replace(**observation_settings(self.policy))

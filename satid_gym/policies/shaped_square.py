@@ -39,6 +39,9 @@ _CHANGE_MAX = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction
 class ShapedSquarePolicy:
     """Tracks staggered square waves of body rate, as fast as the modes allow; for control "rate".
 
+    Defaults of period, share, dwell and amplitude are those that the gate of scenario "flex" chose for microsat on
+    tuning seeds; another satellite may want others.
+
     Args:
         period: least period of the square wave, s.
         share: of the limit of deflection that is used, at most 1.
