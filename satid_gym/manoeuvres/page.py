@@ -31,9 +31,9 @@ def page(design: Design, picture: bytes, command: str) -> str:
     parts = [
         f"<h1>Manoeuvre for {html.escape(sheet.name)}</h1>",
         f"<p>{request.duration:g} s from rest to rest, flown {flown}. {turned}. Figures are of {trial.error.shape[1]} "
-        f"satellites drawn about the data sheet, with its noise. Limits are exceeded for {percent(trial.worst_cost)} of "
-        f"the time at most; the largest rate is {percent(float(trial.rate.max()))} of its limit, the largest wheel speed "
-        f"{percent(float(trial.wheel_speed.max()))}.</p>",
+        f"satellites drawn about the data sheet, with its noise. Limits are exceeded for {percent(trial.worst_cost)} "
+        f"of the time at most; the largest rate is {percent(float(trial.rate.max()))} of its limit, the largest wheel "
+        f"speed {percent(float(trial.wheel_speed.max()))}.</p>",
         table(("parameter", "scale, kg m²", "standard deviation, kg m²", "over the scale"), parameters),
         "<p>Scale: the moment as the data sheet has it, for products of inertia the geometric mean of two. No motion "
         f"within the limits tells every moment to better than {percent(float(design.least[-1]))}.</p>",

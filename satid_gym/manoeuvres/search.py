@@ -47,8 +47,8 @@ class Effort:
         seed: of the search.
     """
 
-    population: int = 64
-    rounds: int = 12
+    population: int = 48
+    rounds: int = 10
     episodes: int = 8
     flights: int = 100
     seed: int = 0
