@@ -11,7 +11,7 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto
 table { border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; }
 th, td { padding: .3rem .8rem; border-bottom: 1px solid #d0d7de; text-align: right; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; }
-img { max-width: 100%; background: white; }
+img, video { max-width: 100%; background: white; }
 li { margin: .2rem 0; }
 @media (prefers-color-scheme: dark) { body { background: #16191d; color: #e6e8ea; } th, td { border-color: #3d444d; } }
 """
@@ -30,6 +30,12 @@ def document(title: str, parts: Sequence[str]) -> str:
 def image(png: bytes, said: str) -> str:
     """A picture in the page, and what it shows in words."""
     return f'<img alt="{html.escape(said)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+
+
+def video(mp4: bytes, said: str) -> str:
+    """A video in the page, and what it shows in words."""
+    source = f'src="data:video/mp4;base64,{base64.b64encode(mp4).decode()}"'
+    return f'<video controls aria-label="{html.escape(said)}" {source}></video>'
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -1,5 +1,7 @@
 """Manoeuvres: their waves against the equations of motion, their trials against the evaluation, what is refused."""
 
+import contextlib
+import io
 import json
 import re
 
@@ -7,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from satid_gym import SATELLITES, KeepOut, Panel, design, simulate
+from satid_gym import SATELLITES, KeepOut, Panel, Pilot, design, simulate
 from satid_gym.commands.main import main
 from satid_gym.evaluation import fly, seeds
-from satid_gym.manoeuvres import Effort, NotPossibleError, Request
+from satid_gym.manoeuvres import Effort, ManoeuvrePolicy, NotPossibleError, Request
 from satid_gym.manoeuvres.feasibility import least_std
 from satid_gym.manoeuvres.pointing import attitudes, separations, turned
 from satid_gym.manoeuvres.search import manoeuvres
@@ -106,6 +108,17 @@ def test_flights_side_by_side_are_those_of_the_evaluation():
 
 
 @pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A design of 120 s, written by the command, with what was printed."""
+    pytest.importorskip("matplotlib")
+    folder = tmp_path_factory.mktemp("design")
+    words = ["design", "microsat", "--duration", "120", "--rounds", "1", "--keep-out", "0,0,1:1,0,0:40"]
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as error:
+        assert main([*words, "--output", str(folder)]) == 0
+    return folder, out.getvalue(), error.getvalue()
+
+
+@pytest.fixture(scope="module")
 def found():
     return design("microsat", returns=True, turn_limit=0.5, effort=QUICK)
 
@@ -171,25 +184,62 @@ def test_requests_that_cannot_be_are_refused(settings, said):
         design(**{"satellite": "microsat", "effort": QUICK, **settings})
 
 
-def test_the_command_writes_table_record_picture_and_page(tmp_path, capsys):
-    pytest.importorskip("matplotlib")
-    words = ["design", "microsat", "--duration", "120", "--rounds", "1", "--keep-out", "0,0,1:1,0,0:40"]
-    assert main([*words, "--output", str(tmp_path)]) == 0
-    table = np.genfromtxt(tmp_path / "manoeuvre.csv", delimiter=",", names=True)
+def test_the_command_writes_table_record_picture_and_page(written):
+    folder, out, error = written
+    table = np.genfromtxt(folder / "manoeuvre.csv", delimiter=",", names=True)
     assert len(table) == 120
     assert table.dtype.names[:4] == ("time_s", "rate_x_rad_per_s", "rate_y_rad_per_s", "rate_z_rad_per_s")
-    kept = json.loads((tmp_path / "design.json").read_text())
+    kept = json.loads((folder / "design.json").read_text())
     assert kept["flights"]["least_clearance_rad"][0] > 0.0
     np.testing.assert_allclose(
         table["rate_x_rad_per_s"], np.array(kept["manoeuvre"]["rate_rad_per_s"])[:, 0], rtol=1e-8
     )
-    assert (tmp_path / "design.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    page = (tmp_path / "design.html").read_text()
+    assert (folder / "design.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    page = (folder / "design.html").read_text()
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
-    assert str(tmp_path) not in page + json.dumps(kept)
-    shown = capsys.readouterr()
-    assert re.search(r"^Jxx +[\d.e-]+ +[\d.]+ %$", shown.out, flags=re.M)
-    assert "round 1 of 1" in shown.err
+    assert str(folder) not in page + json.dumps(kept)
+    assert re.search(r"^Jxx +[\d.e-]+ +[\d.]+ %$", out, flags=re.M)
+    assert "round 1 of 1" in error
+
+
+@pytest.mark.parametrize("control", ["rate", "torque"])
+def test_a_pilot_flies_the_file(written, control):
+    path = written[0] / "design.json"
+    plan = ManoeuvrePolicy.read(path).manoeuvre
+    pilot = Pilot("microsat", str(path), control=control, scenario={"horizon": 121.0})
+    torque = pilot.start(0.0, np.zeros(3), np.zeros(3))
+    limits, first = (
+        (MICROSAT.rate_limit, plan.rate[0]) if control == "rate" else (MICROSAT.wheels.max_torque, plan.torque[0])
+    )
+    np.testing.assert_allclose(pilot._tasks[0]["command"] * limits, first, rtol=1e-6)
+    if control == "torque":
+        np.testing.assert_allclose(torque, first, rtol=1e-6)
+    policy = ManoeuvrePolicy(plan)
+    policy.reset(pilot.mission, [0])
+    actions = [policy(np.zeros((2, 1))) for _ in range(121)]
+    np.testing.assert_array_equal(actions[-1], 0.0)  # the manoeuvre is over
+    assert np.abs(actions).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("satellite", "scenario", "said"),
+    [
+        (PYRAMID, {}, "the manoeuvre is for 3 wheels, and microsat has 4"),
+        (MICROSAT, {"decision_period": 2.0}, "commands every 1 s, and the scenario decides every 2 s"),
+    ],
+)
+def test_a_manoeuvre_for_another_satellite_is_refused(written, satellite, scenario, said):
+    with pytest.raises(ValueError, match=said):
+        Pilot(satellite, str(written[0] / "design.json"), scenario=scenario)
+
+
+def test_a_file_without_a_manoeuvre_is_refused(tmp_path, capsys):
+    path = tmp_path / "other.json"
+    path.write_text('{"manoeuvre": {"time_s": [0.0, 1.0]}}')
+    assert main(["fly", "--policy", str(path)]) == 2
+    assert "holds no manoeuvre ('rate_rad_per_s'): satid design writes it" in capsys.readouterr().err
+    assert main(["fly", "--policy", str(tmp_path / "none.json")]) == 2
+    assert "is missing: satid design writes it" in capsys.readouterr().err
 
 
 def test_the_command_says_no_and_names_a_word_that_is_wrong(tmp_path, capsys):

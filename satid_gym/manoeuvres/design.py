@@ -11,6 +11,7 @@ import numpy as np
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.evaluation import seeds
 from satid_gym.manoeuvres.feasibility import NotPossibleError, check_accuracy, least_std
+from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.manoeuvres.request import KeepOut, Request
 from satid_gym.manoeuvres.rivals import rivals
 from satid_gym.manoeuvres.search import Effort, Progress, manoeuvres, search
@@ -126,8 +127,7 @@ def design(
 
 def _flown(manoeuvre: Manoeuvre, world: Problem, request: Request, effort: Effort) -> Trial:
     """Flights of a manoeuvre by the control of a world, on test seeds."""
-    policy = manoeuvre.policy(only_mission(world).satellite, world.control)
-    (trial,) = fly_side_by_side(world, [policy], seeds("test", effort.flights), request.keep_outs)
+    (trial,) = fly_side_by_side(world, [ManoeuvrePolicy(manoeuvre)], seeds("test", effort.flights), request.keep_outs)
     return trial
 
 

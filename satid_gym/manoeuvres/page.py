@@ -12,7 +12,7 @@ from satid_gym.manoeuvres.design import Design
 from satid_gym.manoeuvres.record import comparison, percent
 from satid_gym.manoeuvres.trial import Trial
 
-_HEAD = ("", "std of the worst moment", "error, median", "95 % below", "beyond a limit", "NEES", "largest turn")
+_HEAD = ("", "std, worst moment", "error, median", "95 % below", "beyond a limit", "NEES", "turn")
 
 
 def page(design: Design, picture: bytes, command: str) -> str:

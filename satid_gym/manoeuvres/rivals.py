@@ -25,7 +25,7 @@ _AMPLITUDES = np.geomspace(0.01, 1.0, 10)  # of the torque limit
 _PERIODS = (6.0, 12.0, 24.0, 48.0)  # s
 _MARGINS = (2.5, 3.5)
 _SHARES, _DWELLS = (0.5, 0.9), (0.5, 2.0)
-_TUNING = 3  # flights that choose settings, over those of a round of the search
+_TUNING = 6  # flights that choose settings, over those of a round of the search
 
 
 def rivals(problem: Problem, request: Request, effort: Effort, progress: Progress) -> list[Trial]:

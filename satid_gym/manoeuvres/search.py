@@ -15,6 +15,7 @@ import numpy as np
 
 from satid_gym.evaluation import seeds
 from satid_gym.manoeuvres.pointing import attitudes, separations, turned
+from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.manoeuvres.request import Request
 from satid_gym.manoeuvres.trial import Trial, fly_side_by_side
 from satid_gym.manoeuvres.waves import SIZE, Authority, Manoeuvre, Waves
@@ -71,7 +72,7 @@ def search(problem: Problem, request: Request, effort: Effort, progress: Progres
 
     def judged(code: np.ndarray, episodes: list[int]) -> np.ndarray:
         plans = manoeuvres(Waves.decoded(code, authority), request, problem, satellite)
-        trials = fly_side_by_side(problem, [plan.policy(satellite, problem.control) for plan in plans], episodes)
+        trials = fly_side_by_side(problem, [ManoeuvrePolicy(plan) for plan in plans], episodes)
         return np.array([_cost(trial, request) for trial in trials]) + _pointing_cost(plans, request)
 
     for number in range(1, effort.rounds + 1):

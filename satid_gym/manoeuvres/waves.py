@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.satellite import Satellite
 
 _USED = 0.95  # of what the wheels' torque and momentum give
@@ -104,20 +103,3 @@ class Manoeuvre:
     rate: np.ndarray
     torque: np.ndarray
     attitude: np.ndarray
-
-    def policy(self, satellite: Satellite, control: str = "rate") -> ScriptedPolicy:
-        """Policy that flies it: `rate` under control "rate", `torque` as it stands under "torque".
-
-        Args:
-            satellite: that it was designed for, with the limits it is operated with.
-            control: of the environment or the pilot.
-        """
-        return table_policy("manoeuvre", self.rate, self.torque, satellite, control)
-
-
-def table_policy(name: str, rate: np.ndarray, torque: np.ndarray, satellite: Satellite, control: str) -> ScriptedPolicy:
-    """Player of a table of rates (D, 3), rad/s, or of motor torque (D, n), N m, for the satellite it was made for."""
-    if control == "rate":
-        return ScriptedPolicy(name, lambda time, horizon: rate / satellite.rate_limit, 1.0)
-    body = -torque @ satellite.wheels.axes.T / satellite.wheels.max_torque.min()
-    return ScriptedPolicy(name, lambda time, horizon: body, 1.0)
