@@ -21,7 +21,7 @@ from satid_gym.policy import Policy, observation_settings
 from satid_gym.problem import Problem
 from satid_gym.profiles import PROFILES
 
-_AMPLITUDES = np.geomspace(0.01, 1.0, 10)  # of the torque limit
+_AMPLITUDES = np.geomspace(0.001, 1.0, 13)  # of the torque limit
 _PERIODS = (6.0, 12.0, 24.0, 48.0)  # s
 _MARGINS = (2.5, 3.5)
 _SHARES, _DWELLS = (0.5, 0.9), (0.5, 2.0)
