@@ -25,6 +25,7 @@ from satid_gym.flightcode.c_types import (
 )
 from satid_gym.flightcode.sources import Source, is_part
 
+EMPTY = ""  # code of an array without values yet
 CONDITION, OR, AND, EQUAL, LESS, SUM, PRODUCT, UNARY, POSTFIX = range(9)
 _BINARY: dict[type[ast.operator], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Add: ("+", SUM, operator.add),
@@ -313,6 +314,8 @@ class Expressions:
         if is_part(called):
             name, kind = self.program.call(called, [argument.type for argument in arguments])
             return Value(f"{name}({', '.join(a.code for a in arguments)})", kind or Tuple(()))
+        if called is np.empty:
+            return Value(EMPTY, Array("double", (arguments[0].constant,)))
         if called not in _FUNCTIONS:
             raise self.source.refuse(node, "a call of this function")
         return self._number_call(node, called, arguments)

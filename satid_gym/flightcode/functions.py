@@ -5,8 +5,6 @@ from __future__ import annotations
 import ast
 import re
 
-import numpy as np
-
 from satid_gym.flightcode.c_types import (
     DOUBLE,
     INT,
@@ -20,7 +18,7 @@ from satid_gym.flightcode.c_types import (
     join,
     stored,
 )
-from satid_gym.flightcode.expressions import POSTFIX, Callee, Expressions, Value, literal
+from satid_gym.flightcode.expressions import EMPTY, POSTFIX, Callee, Expressions, Value, literal
 from satid_gym.flightcode.sources import Source
 
 _AUGMENTED = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
@@ -183,16 +181,8 @@ class Function(Expressions):
         (target,) = node.targets
         if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
             self._assign_each(target, node.value, block, depth)
-        elif isinstance(target, ast.Name) and self._is_empty(node.value):
-            assert isinstance(node.value, ast.Call)
-            length = self.value(node.value.args[0]).constant
-            self._arrays.add(target.id)
-            self._store(target, Value("", Array("double", (length,))), block, depth)
         else:
             self._store(target, self.value(node.value), block, depth)
-
-    def _is_empty(self, node: ast.expr) -> bool:
-        return isinstance(node, ast.Call) and self.source.known(node.func) is np.empty
 
     def _assign_each(self, target: ast.Tuple, value: ast.Tuple, block: list[ast.stmt], depth: int) -> None:
         """A tuple of targets from a tuple of values, all of which are found before the first is stored."""
@@ -265,6 +255,8 @@ class Function(Expressions):
 
     def _store_name(self, target: ast.Name, value: Value, block: list[ast.stmt], depth: int) -> None:
         name = self._variant(target.id, value.type)
+        if value.code == EMPTY:
+            self._arrays.add(name)
         self._settle(name, value.type, target)
         if value.constant is not None and self.source.stores[target.id] == 1:
             self.variables[target.id] = value

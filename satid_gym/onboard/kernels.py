@@ -17,6 +17,7 @@ from satid_gym.core.jit import kernel
 from satid_gym.core.observation import observe
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.report import note_nis
+from satid_gym.onboard.gap import widen
 
 
 @functools.cache
@@ -42,6 +43,12 @@ def steer(readings, beliefs, tasks, work, dt):
 def let_go(tasks):
     """Tell the rate loop that no torque is commanded until it is steered again."""
     forget_last(tasks[0].tracking.motors)
+
+
+@kernel
+def cross_gap(beliefs, tasks, gap):
+    """Widen the belief for a gap of so many seconds that `take` is about to cross."""
+    widen(beliefs[0], tasks[0].torque_max, gap)
 
 
 @kernel

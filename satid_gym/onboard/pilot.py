@@ -13,7 +13,6 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
-from satid_gym.onboard.gap import widen
 from satid_gym.onboard.readings import gyro_reading, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings
@@ -182,10 +181,7 @@ class Pilot:
         if abs(dt - steps * period) < _SAME * period:
             dt = steps * period
         if steps > 1:
-            widen(self._beliefs[0], self.mission.satellite.wheels, dt)
-            alignment = self._beliefs[0]["alignment"]
-            if alignment["on"]:  # until they have left the means, readings from before the gap would stand in them
-                alignment["mixed"] = alignment["span"] + 1
+            kernels.cross_gap(self._beliefs, self._tasks, dt)
         self._beliefs["substeps"] = self._substeps * steps
         self._nis = float(kernels.take(self._readings, self._beliefs, self._tasks, self._work, dt, self._observation))
         self._beliefs["substeps"] = self._substeps

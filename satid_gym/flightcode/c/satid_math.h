@@ -5,6 +5,15 @@
 #include <math.h>
 #include <stdint.h>
 
+/* operations of the translated functions, for `satid export --measure` */
+#ifdef SATID_COUNTING
+extern unsigned long satid_operations;
+#define SATID_COUNT(x) (satid_operations++, (x))
+#define SATID_COUNTED(n) (satid_operations += (unsigned long)(n))
+#else
+#define SATID_COUNTED(n) ((void)0)
+#endif
+
 /* the first of two that compare neither way, so that what is not a number in it stays */
 static inline double satid_min(double a, double b)
 {
