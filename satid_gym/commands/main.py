@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from satid_gym import __version__
-from satid_gym.commands import fly, identify, lead
+from satid_gym.commands import export, fly, identify, lead
 from satid_gym.identification import NotIdentifiedError, SlipError
 
 NOT_TOLD, WRONG, STOPPED = 1, 2, 128 + signal.SIGINT
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"satid-gym {__version__}")
     parts = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (identify, fly):
+    for module in (identify, fly, export):
         module.add(parts)
     lead.add(parts)
     return top

@@ -78,9 +78,7 @@ class Array:
 Type = Scalar | Tuple | Array | Record
 
 
-def record_of(
-    name: str, dtype: np.dtype, row: np.void | None = None, stored: frozenset[str] = frozenset()
-) -> Record:
+def record_of(name: str, dtype: np.dtype, row: np.void | None = None, stored: frozenset[str] = frozenset()) -> Record:
     """Record of a dtype; with a `row`, numbers whose names are not among those `stored` are constants."""
     fields: dict[str, Type] = {}
     constants: dict[str, int | float] = {}
@@ -126,7 +124,9 @@ def join(a: Type | None, b: Type, where: str) -> Type:
         return Tuple(tuple(join(x, y, where) for x, y in zip(a.parts, b.parts, strict=True)))
     if isinstance(a, Array) and isinstance(b, Array) and a.element == b.element and a.shape[1:] == b.shape[1:]:
         return Array(a.element, (None, *a.shape[1:]))
-    raise TranslationError(f"{where}: a value is of two types, {c_name(a)} and {c_name(b)}: give each a name of its own")
+    raise TranslationError(
+        f"{where}: a value is of two types, {c_name(a)} and {c_name(b)}: give each a name of its own"
+    )
 
 
 def c_name(kind: Type) -> str:

@@ -13,7 +13,17 @@ from satid_gym.core.belief import filters
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.report import note_peaks
 from satid_gym.estimators.records import new_work
-from satid_gym.flightcode.c_types import DOUBLE, Array, Record, Type, declared, initialiser, number, record_of, record_structs
+from satid_gym.flightcode.c_types import (
+    DOUBLE,
+    Array,
+    Record,
+    Type,
+    declared,
+    initialiser,
+    number,
+    record_of,
+    record_structs,
+)
 from satid_gym.flightcode.layout import lines_of
 from satid_gym.flightcode.sources import stored_fields
 from satid_gym.flightcode.translator import Translator

@@ -208,7 +208,11 @@ class Expressions:
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         of = self.value(node.operand)
         if isinstance(node.op, ast.Not):
-            return literal(not of.constant) if of.constant is not None else Value(f"!{of.within(UNARY)}", BOOL, None, UNARY)
+            return (
+                literal(not of.constant)
+                if of.constant is not None
+                else Value(f"!{of.within(UNARY)}", BOOL, None, UNARY)
+            )
         if not isinstance(node.op, ast.USub):
             raise self.source.refuse(node, f"a {type(node.op).__name__}")
         if of.constant is not None:

@@ -163,5 +163,5 @@ def _braces(values: np.ndarray) -> str:
 
 
 def _floats(name: str, values: np.ndarray) -> str:
-    numbers = ", ".join(f"{value!s}f" if "." in str(value) or "e" in str(value) else f"{value!s}.0f" for value in values)
+    numbers = ", ".join(f"{number(float(str(value)))}f" for value in values)  # the shortest that reads as the same
     return lines_of(f"static const float {name}[{len(values)}] = {{\n    {numbers}}};")

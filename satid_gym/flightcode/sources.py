@@ -46,7 +46,9 @@ class Source:
 
     def refuse(self, node: ast.AST, what: str) -> TranslationError:
         """Error for a construct that has no translation."""
-        return TranslationError(f"{self.where(node)}: no C for {what}, {ast.unparse(node)!r}: write it in the core's subset")
+        return TranslationError(
+            f"{self.where(node)}: no C for {what}, {ast.unparse(node)!r}: write it in the core's subset"
+        )
 
     def known(self, node: ast.expr) -> Any:
         """What a global name, or an attribute of a module, stands for; None for anything else."""

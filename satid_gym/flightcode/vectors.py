@@ -14,15 +14,15 @@ _GYRO_LOST, _WHEELS_LOST, _REPEATED = 0.02, 0.01, 0.01  # share of the readings
 Row = tuple[float, np.ndarray, np.ndarray]
 
 
-def flight(pilot: Pilot, seed: int, decisions: int) -> list[Row]:
+def flight(pilot: Pilot, decisions: int) -> list[Row]:
     """Stamps, s, and readings of gyro (3,) and wheels (n,) of an episode that the pilot's policy flies; NaN: lost."""
     fleet = Fleet(pilot.problem, 1, log=True)
-    fleet.rows.plants["stream"][0] = seed_stream(np.random.default_rng(seed))
+    fleet.rows.plants["stream"][0] = seed_stream(np.random.default_rng(pilot.seed))
     fleet.begin()
     plant, policy = fleet.rows.plants[0], pilot.policy
     rows: list[Row] = [(0.0, plant["gyro"].copy(), plant["tachometer"].copy())]
-    policy.reset(pilot.mission, [seed])
-    rng, period = np.random.default_rng([seed, 1]), pilot.problem.scenario.sample_period
+    policy.reset(pilot.mission, [pilot.seed])
+    rng, period = np.random.default_rng([pilot.seed, 1]), pilot.problem.scenario.sample_period
     for _ in range(decisions):
         fleet.step(np.asarray(policy(fleet.rows.observations.copy()), np.float32))
         for sample in fleet.rows.logs[0]:

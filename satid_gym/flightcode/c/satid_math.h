@@ -8,7 +8,7 @@
 /* operations of the translated functions, for `satid export --measure` */
 #ifdef SATID_COUNTING
 extern unsigned long satid_operations;
-#define SATID_COUNT(x) (satid_operations++, (x))
+#define SATID_COUNT(...) (satid_operations++, (__VA_ARGS__))
 #define SATID_COUNTED(n) (satid_operations += (unsigned long)(n))
 #else
 #define SATID_COUNTED(n) ((void)0)

@@ -101,7 +101,7 @@ static void decide(satid_pilot *pilot, int32_t due)
     pilot->task.nis_count = 0;
     for (int k = 0; k < SATID_ACTIONS; k++) {
         good = good && isfinite(action[k]);
-        action[k] = fmin(fmax(action[k], -1.0), 1.0);
+        action[k] = (double)(float)fmin(fmax(action[k], -1.0), 1.0); /* actions are float in Python */
     }
     if (good) {
         hold(pilot, action);
