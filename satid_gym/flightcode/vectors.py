@@ -27,7 +27,7 @@ def flight(pilot: Pilot, decisions: int) -> list[Row]:
         fleet.step(np.asarray(policy(fleet.rows.observations.copy()), np.float32))
         for sample in fleet.rows.logs[0]:
             gyro, speed = sample["gyro"].copy(), sample["tachometer"].copy()
-            time = 0.0 if rng.random() < _REPEATED else len(rows) * period
+            time = (len(rows) - int(rng.random() < _REPEATED)) * period
             gyro[:] = np.nan if rng.random() < _GYRO_LOST else gyro
             speed[:] = np.nan if rng.random() < _WHEELS_LOST else speed
             rows.append((time, gyro, speed))
