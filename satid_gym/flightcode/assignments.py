@@ -7,7 +7,7 @@ import ast
 from satid_gym.flightcode.c_types import DOUBLE, INT, Array, Record, Scalar, Tuple, Type, c_name, declared, join, stored
 from satid_gym.flightcode.expressions import Expressions
 from satid_gym.flightcode.operators import EMPTY, POSTFIX, Callee, Value
-from satid_gym.flightcode.sources import Source
+from satid_gym.flightcode.sources import Source, loaded
 
 _AUGMENTED = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
 
@@ -34,7 +34,7 @@ class Assignments(Expressions):
 
     def _augment(self, node: ast.AugAssign, depth: int) -> None:
         value = self.value(node.value)
-        before = self.value(_loaded(node.target))
+        before = self.value(loaded(node.target))
         result = self.operate(node, node.op, before, value)
         if isinstance(node.target, ast.Name):
             self._settle(node.target.id, result.type, node)
@@ -109,7 +109,7 @@ class Assignments(Expressions):
         raise self.source.refuse(node, "an assignment of so many parts")
 
     def _store_place(self, target: ast.expr, value: Value, depth: int) -> None:
-        place = self.value(_loaded(target))
+        place = self.value(loaded(target))
         if not isinstance(place.type, Scalar) or not isinstance(value.type, Scalar):
             raise self.source.refuse(target, "an assignment of what is no number")
         cast = ""
@@ -120,7 +120,7 @@ class Assignments(Expressions):
         self._say(depth, f"{place.code} = {cast}{value.within(POSTFIX) if cast else value.code};")
 
     def _element(self, target: ast.Subscript) -> str:
-        base = self.value(_loaded(target.value)).type
+        base = self.value(loaded(target.value)).type
         return base.element if isinstance(base, Array) and isinstance(base.element, str) else ""
 
     def _settle(self, name: str, kind: Type, node: ast.AST) -> None:
@@ -152,8 +152,3 @@ class Assignments(Expressions):
             self._hoisted.add(name)
         if name not in self._arrays:
             self._say(depth, code)
-
-
-def _loaded(node: ast.expr) -> ast.expr:
-    """The same place, to be read."""
-    return ast.copy_location(ast.parse(ast.unparse(node), mode="eval").body, node)

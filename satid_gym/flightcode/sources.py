@@ -68,6 +68,11 @@ def plain(function: Callable[..., Any]) -> types.FunctionType:
     return found
 
 
+def loaded(node: ast.expr) -> ast.expr:
+    """The same place, to be read."""
+    return ast.copy_location(ast.parse(ast.unparse(node), mode="eval").body, node)
+
+
 def is_part(value: Any) -> bool:
     """Whether a value is a function of the core, and not one of numpy or Python."""
     found = getattr(value, "py_func", value)
