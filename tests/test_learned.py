@@ -195,7 +195,7 @@ def test_the_exported_graph_acts_as_the_shipped_policy(name, satellite, tmp_path
         "satellite": satellite,
         "scenario": "default",
         "control": "torque",
-        "include_covariance": "False",
+        "include_covariance": str(policy.include_covariance),
         "observation": "wheels",
     }
 
@@ -208,9 +208,8 @@ def test_the_graph_of_any_network_acts_as_it_does(commands, control, choices, py
     """Four wheels, the full tensor, and commands beyond what the wheels have."""
     flown = problem(pyramid, "static", control=control)
     size = max(place.stop for place in flown.layout.values())
-    policy = LearnedPolicy(
-        "x", network(scale=2.0, outputs=3 if commands == "rate" else 4, inputs=size, **choices), commands, 2.4
-    )
+    net = network(scale=2.0, outputs=3 if commands == "rate" else 4, inputs=size, **choices)
+    policy = LearnedPolicy("x", net, commands, 2.4)
     observations = recorded(policy, flown, 60)
     session = session_of(graph(policy, missions(flown)[0]))
     assert largest_difference(session, policy, observations) <= TOLERANCE
