@@ -151,7 +151,7 @@ class Operators:
         """The value, which in a program that counts its operations adds one to them."""
         if not self.program.counting or value.type != DOUBLE:
             return value
-        return Value(f"SATID_COUNT({value.code})", DOUBLE)
+        return Value(f"satid_counted({value.code})", DOUBLE)
 
     def _power(self, node: ast.AST, left: Value, right: Value) -> Value:
         if left.constant is not None and right.constant is not None:
@@ -167,12 +167,12 @@ class Operators:
         kind = left.type
         if left.type != right.type or not isinstance(kind, Array) or len(kind.shape) != 1 or None in kind.shape:
             raise self.source.refuse(node, "an operator on arrays of other shapes")
-        name, of = self.temporary(), DOUBLE
-        both = [Value(f"{side.within(POSTFIX)}[k]", of) for side in (left, right)]
+        name, k = self.temporary(), self.temporary()
+        both = [Value(f"{side.within(POSTFIX)}[{k}]", DOUBLE) for side in (left, right)]
         result = self.operate(node, node.op, *both)
         self.prelude.append(f"{stored(kind, name)};")
-        self.prelude.append(f"for (int k = 0; k < {kind.shape[0]}; k++) {{")
-        self.prelude += [f"    {name}[k] = {result.code};", "}"]
+        self.prelude.append(f"for (int {k} = 0; {k} < {kind.shape[0]}; {k}++) {{")
+        self.prelude += [f"    {name}[{k}] = {result.code};", "}"]
         return Value(name, kind)
 
     def _compare(self, node: ast.Compare) -> Value:

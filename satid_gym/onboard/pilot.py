@@ -114,7 +114,7 @@ class Pilot:
         self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
         self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
         self._begun = self._time = self._seen = self._heard = self._steered = time
-        self._decided, self._nis, self.status = 0, np.nan, Status(state="flying")
+        self._decided, self._passed, self._nis, self.status = 0, 0, np.nan, Status(state="flying")
         self.policy.reset(self.mission, [self.seed])
         reading = self._readings[0]
         reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
@@ -142,8 +142,12 @@ class Pilot:
         period = self.problem.scenario.sample_period
         if time < self._seen + _SAME * period:
             self._count("late" if time < self._seen - _SAME * period else "repeated", "a stamp that has passed")
+            self._passed += 1
+            if self._passed * period > self.patience and self.status.state != "over":
+                self._coast("the clock stands still, or was set back: start again")
+                self._steer(False)
             return self._torque.copy()
-        self._seen = time
+        self._seen, self._passed = time, 0
         due = self._due(time)
         if speed is not None:
             self._tasks["decision"] = min(self._decided + max(due, 1) - 1, self.problem.scenario.decisions)

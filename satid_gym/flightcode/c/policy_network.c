@@ -35,7 +35,7 @@ void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERV
         for (int j = 0; j < outputs; j++) {
             x[j] = i + 1 < LAYERS ? ACTIVATION(y[j]) : SQUASH(y[j]);
         }
-        SATID_COUNTED(2 * inputs * outputs + 2 * outputs);
+        SATID_COUNT(2 * inputs * outputs + 2 * outputs);
     }
     policy->decision++;
     satid_command(observation, x, action);

@@ -8,10 +8,14 @@
 /* operations of the translated functions, for `satid export --measure` */
 #ifdef SATID_COUNTING
 extern unsigned long satid_operations;
-#define SATID_COUNT(...) (satid_operations++, (__VA_ARGS__))
-#define SATID_COUNTED(n) (satid_operations += (unsigned long)(n))
+#define SATID_COUNT(n) (satid_operations += (unsigned long)(n))
+static inline double satid_counted(double x)
+{
+    satid_operations++;
+    return x;
+}
 #else
-#define SATID_COUNTED(n) ((void)0)
+#define SATID_COUNT(n) ((void)0)
 #endif
 
 /* the first of two that compare neither way, so that what is not a number in it stays */

@@ -244,10 +244,16 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
         status->late += repeated ? 0 : 1;
         status->repeated += repeated ? 1 : 0;
         status->flags |= repeated ? SATID_REPEATED : SATID_LATE;
+        pilot->passed++;
+        if (pilot->passed * SATID_SAMPLE_PERIOD > SATID_PATIENCE && status->state != SATID_OVER) {
+            coast(pilot, SATID_STALE);
+            steer(pilot, false);
+        }
         memcpy(torque, pilot->torque, sizeof pilot->torque);
         return;
     }
     pilot->seen = time;
+    pilot->passed = 0;
     due = due_at(pilot, time);
     if (of_wheels == GOOD && (time - pilot->time) / SATID_SAMPLE_PERIOD < (double)STEPS_MAX) {
         const int32_t decision = pilot->decided + (due > 1 ? due : 1) - 1;

@@ -26,7 +26,8 @@ enum {
     SATID_LOST = 256,          /* the filter broke down: start again */
     SATID_NO_ACTION = 512,     /* the policy gave no number */
     SATID_NO_TORQUE = 1024,    /* the rate loop gave no number */
-    SATID_UNMODELLED = 2048    /* the innovations are not those of a consistent filter */
+    SATID_STALE = 2048,        /* stamps have been repeated or late for longer than SATID_PATIENCE: start again */
+    SATID_UNMODELLED = 4096    /* the innovations are not those of a consistent filter */
 };
 
 typedef struct {
@@ -45,7 +46,8 @@ typedef struct {
     satid_status status;
     double torque[SATID_WHEELS]; /* commanded, N m */
     double begun, time, seen, heard, steered; /* s: start; last update, stamp, gyro reading, and torque of the rate loop */
-    int32_t decided;
+    int32_t decided; /* decisions */
+    uint32_t passed; /* stamps in a row that were repeated or late */
     satid_belief belief;
     satid_task task;
     satid_readings readings;
