@@ -35,10 +35,10 @@ def gcc():
 
 
 def built(folder, pilot):
-    """Program that replays vectors, of the pilot's code in a folder."""
+    """Program that replays vectors, of the pilot's code in a folder; it stops where C says nothing of what happens."""
     for name, text in texts(pilot).items():
         (folder / name).write_text(text)
-    return compiled(folder)
+    return compiled(folder, "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-O1")
 
 
 def replayed(check, folder, vectors):
@@ -215,12 +215,25 @@ def looping(x):
     return x
 
 
+def after_loop(x):
+    for i in range(3):
+        x += i
+    return x + i
+
+
 def mixed(x):
     y = x if x > 0.0 else (x, x)
     return y
 
 
-@cases(("function", "message"), [(looping, r"test_flightcode\.py:\d+: no C for a While"), (mixed, "is of two types")])
+@cases(
+    ("function", "message"),
+    [
+        (looping, r"test_flightcode\.py:\d+: no C for a While"),
+        (after_loop, "a variable that is read before it is assigned"),
+        (mixed, "is of two types"),
+    ],
+)
 def test_what_is_outside_the_subset_is_refused_with_file_and_line(function, message):
     with pytest.raises(TranslationError, match=message):
         Translator().call(function, [DOUBLE])

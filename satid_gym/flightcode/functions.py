@@ -117,10 +117,12 @@ class Function(Assignments):
             raise self.source.refuse(node, "a step other than 1 and -1")
         if start.constant is not None and stop.constant is not None and (stop.constant - start.constant) * step <= 0:
             return
-        name, after = target.id, "" if stop.constant is not None else f", {target.id}_end = {stop.code}"
+        alone = self.source.loops.count(target.id) == self.source.stores[target.id]
+        name = target.id if alone else f"{target.id}_"  # so that it hides no variable
+        after = "" if stop.constant is not None else f", {name}_end = {stop.code}"
         end = stop.code if stop.constant is not None else f"{name}_end"
         sign, move = ("<", "++") if step == 1 else (">", "--")
-        self.variables[name] = Value(name, INT)
+        self.variables[target.id] = Value(name, INT)
         self._say(depth, f"for (int {name} = {start.code}{after}; {name} {sign} {end}; {name}{move}) {{")
         before = len(self._lines)
         self._block(node.body, depth + 1)
@@ -128,6 +130,7 @@ class Function(Assignments):
             self._lines.pop()
         else:
             self._say(depth, "}")
+        del self.variables[target.id]  # in C it is gone, and has another value in Python
 
 
 def _mentions(name: str, line: str) -> bool:

@@ -23,6 +23,8 @@ class Source:
         name: of its module and its own.
         arguments: their names.
         body: its statements, without the docstring.
+        stores: how often each local variable is assigned, by name.
+        loops: names of the loops' variables.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -35,6 +37,7 @@ class Source:
         self.arguments = [argument.arg for argument in tree.args.args]
         self.body = tree.body[1:] if ast.get_docstring(tree) else tree.body
         self.stores: dict[str, int] = dict.fromkeys(self.arguments, 1)
+        self.loops = [ast.unparse(node.target) for node in ast.walk(tree) if isinstance(node, ast.For)]
         for node in ast.walk(tree):
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                 self.stores[node.id] = self.stores.get(node.id, 0) + 1

@@ -42,7 +42,7 @@ static double spare(const float *mode, double nominal, double growth, double wan
 {
     const double turned = 2.0 * PI * (double)mode[FREQUENCY] * exp(-SATID_CAUTION * pow(10.0, (double)mode[FREQUENCY_STD] - 2.0));
     const double limited = (double)mode[DEFLECTION_LIMIT];
-    const double given = limited > 0.0 && limited < BOUND ? limited : INFINITY;
+    const double given = limited > 0.0 && limited < BOUND ? limited : (double)INFINITY;
     const double bent = fmax(growth * nominal / (turned * turned), TINY), limit = SATID_SHARE * given;
     const double reach = fmin(given / bent, CHANGE_MAX);
     const double x = (double)mode[DEFLECTION], y = (double)mode[DEFLECTION_RATE] * nominal / turned;
