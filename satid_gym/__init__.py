@@ -9,6 +9,7 @@ from satid_gym.friction import WheelFriction
 from satid_gym.identification import Identification, identify
 from satid_gym.law_ranges import LawRanges
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw, paper_law
+from satid_gym.manoeuvres import Design, KeepOut, design
 from satid_gym.onboard import Pilot
 from satid_gym.oscillators import Panel, SloshMass
 from satid_gym.reward import RewardSettings
@@ -27,9 +28,11 @@ __all__ = [
     "MASS_MODES",
     "SATELLITES",
     "SCENARIOS",
+    "Design",
     "Disturbance",
     "Identification",
     "InertiaLaw",
+    "KeepOut",
     "LawRanges",
     "Panel",
     "Panels",
@@ -46,6 +49,7 @@ __all__ = [
     "Tolerances",
     "Trajectory",
     "WheelFriction",
+    "design",
     "identify",
     "paper_law",
     "simulate",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents.viewer import record, video
+from agents.viewer import record
 from agents.viewer.rollout import Pairing, Rollout
 from baselines.command.cli import exit_code
 from satid_gym import SatInertiaIDEnv
@@ -18,6 +18,7 @@ from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.shipped import PRETRAINED
 from satid_gym.policy import Mission
+from satid_gym.rendering import video
 from tests.cases import cases
 
 PAIRING = Pairing(policy="generalist", horizon=10.0)

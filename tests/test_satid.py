@@ -70,6 +70,7 @@ def test_units_on_the_command_line_and_a_slip_that_is_named(flight, tmp_path, ca
         (["fly", "--policy", "nobody"], "unknown policy"),
         (["fly", "--satellite", "nothing"], "unknown satellite 'nothing'"),
         (["fly", "--picture", "a.gif"], "--picture takes a file that ends in .png"),
+        (["fly", "--video", "a.avi"], "--video takes a file that ends in .mp4 or .gif"),
     ],
 )
 def test_mistakes_end_with_one_line(arguments, message, tmp_path, capsys, monkeypatch):
@@ -88,6 +89,24 @@ def test_fly_prints_a_flight(capsys):
     assert float(lines[-1].split()[2].rstrip("%")) < 0.1
 
 
+def test_fly_writes_picture_video_and_page(tmp_path, monkeypatch, capsys):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.chdir(tmp_path)
+    short = tmp_path / "short.json"
+    short.write_text(json.dumps({"base": "default", "horizon": 12.0}))
+    files = ["--picture", "a.png", "--video", "a.mp4", "--page", "a.html"]
+    assert main(["fly", "--scenario", str(short), "--seed", "3", *files]) == 0
+    assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "a.mp4"))
+    assert frames == 13  # before each decision, and at the end
+    page = (tmp_path / "a.html").read_text()
+    assert "data:video/mp4;base64," in page
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    last = capsys.readouterr().out.splitlines()
+    assert last[-3:] == ["written to a.png", "written to a.mp4", "written to a.html"]
+    assert last[0] in page
+
+
 def test_compare_and_train_lead_to_the_checkout(monkeypatch, capsys):
     """Here they parse the checkout's options; outside of one they say where it is."""
     with pytest.raises(SystemExit) as caught:
@@ -99,7 +118,7 @@ def test_compare_and_train_lead_to_the_checkout(monkeypatch, capsys):
     assert "part of the checkout and not of the library" in capsys.readouterr().err
 
 
-@cases("command", ["identify", "fly"])
+@cases("command", ["design", "identify", "fly"])
 def test_help_has_examples(command, capsys):
     with pytest.raises(SystemExit) as caught:
         main([command, "--help"])

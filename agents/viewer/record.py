@@ -14,9 +14,9 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.viewer import video
 from agents.viewer.rollout import Pairing, Rollout
 from baselines.command import cli
+from satid_gym.rendering import video
 from satid_gym.rendering.canvas import ALARM, BACKGROUND, MUTED, RULE, TEXT, Canvas, Colour
 from satid_gym.rendering.strip import Strip
 

@@ -30,7 +30,9 @@ def add(parts: Any) -> None:
     )
     own.add_argument("--satellite", default="microsat", help="name or file; default microsat")
     own.add_argument(
-        "--policy", default="generalist", help="shipped policy, tuned baseline, or path; default generalist"
+        "--policy",
+        default="generalist",
+        help="shipped policy, tuned baseline, path of a policy, or design.json of satid design; default generalist",
     )
     own.add_argument("--scenario", default="default", help="name or file")
     own.add_argument("--estimator", help="name of the filter; default the scenario's")

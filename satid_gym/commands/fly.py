@@ -1,17 +1,25 @@
-"""Subcommand `satid fly`: one satellite, one policy, one episode, in the terminal."""
+"""Subcommand `satid fly`: one satellite, one policy, one episode, in the terminal, as a picture, a video or a page."""
 
 from __future__ import annotations
 
 import argparse
+import html
 import importlib
+import io
+import sys
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 
+from satid_gym import metrics
+from satid_gym.commands.words import as_typed
 from satid_gym.env import SatInertiaIDEnv
-from satid_gym.files import replacing
+from satid_gym.files import check_writable, write_bytes, write_text
+from satid_gym.html_page import document, image, table, video
 from satid_gym.onboard.choice import policy_by_name
 from satid_gym.policies import LearnedPolicy
 from satid_gym.policy import observation_settings, only_mission
@@ -21,10 +29,13 @@ _EXAMPLES = """examples:
   satid fly
   satid fly --satellite sat.toml --policy generalist --inertia step --seed 3
   satid fly --satellite cubesat --policy rate_square --picture flight.png
-  satid fly --scenario flex --policy shaped_square --control rate
+  satid fly --scenario flex --policy shaped_square --control rate --video flight.mp4 --page flight.html
+  satid fly --satellite sat.toml --policy design/design.json --control rate
 """
 _INERTIA = "static, step, drift, periodic, random, or file; deployment, fuel, release (not the learned policies)"
 _EVERY = 10  # lines a flight
+_FRAMES, _FPS, _SIZE = 150, 15, 640  # pictures of a video, how many a second, and their width, pixels
+_ENDINGS = {"picture": (".png",), "video": (".mp4", ".gif"), "page": (".html",)}
 
 
 def add(parts: Any) -> None:
@@ -32,39 +43,42 @@ def add(parts: Any) -> None:
     own = parts.add_parser(
         "fly",
         help="one satellite, one policy, one episode",
-        description="Fly one episode and show how error, uncertainty and rates go.",
+        description="Fly one episode and show how error, uncertainty and rates go. Picture, video and page need "
+        'pip install ".[render]" in the checkout.',
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     own.add_argument("--satellite", default="microsat", help="name or file; default microsat")
     own.add_argument(
-        "--policy", default="generalist", help="shipped policy, tuned baseline, or path; default generalist"
+        "--policy",
+        default="generalist",
+        help="shipped policy, tuned baseline, path of a policy, or design.json of satid design; default generalist",
     )
     own.add_argument("--scenario", default="default", help="name or file")
     own.add_argument("--control", choices=CONTROLS, default="torque", help="what actions are; default torque")
     own.add_argument("--inertia", default="random", help=_INERTIA)
     own.add_argument("--seed", type=int, default=0)
-    own.add_argument("--picture", type=Path, metavar="FILE.png", help='picture of the flight; pip install ".[render]"')
+    own.add_argument("--picture", type=Path, metavar="FILE.png", help="picture of the whole flight")
+    own.add_argument("--video", type=Path, metavar="FILE.mp4", help="video of the flight, or .gif")
+    own.add_argument("--page", type=Path, metavar="FILE.html", help="page with scores, video and picture")
     own.set_defaults(run=run)
 
 
 def run(given: argparse.Namespace) -> int:
-    """Fly and print a line every tenth of the flight.
+    """Fly, print a line every tenth of the flight, and write what is asked for.
 
     Raises:
         ValueError: a name or file is not valid, or the policy cannot fly this satellite.
     """
-    if given.picture and given.picture.suffix.lower() != ".png":
-        raise ValueError(f"--picture takes a file that ends in .png, got {given.picture}")
-    if given.picture:
-        _check_pygame()
+    drawn = _check_outputs(given)
     env = SatInertiaIDEnv(given.satellite, given.inertia, given.scenario)
     policy = policy_by_name(given.policy, only_mission(env.problem).satellite.name, env.problem.scenario.name)
     env = SatInertiaIDEnv(
         given.satellite,
         given.inertia,
         given.scenario,
-        render_mode="rgb_array" if given.picture else None,
+        render_mode="rgb_array" if drawn else None,
+        render_size=_SIZE,
         control=given.control,
         **observation_settings(policy),
     )
@@ -75,43 +89,120 @@ def run(given: argparse.Namespace) -> int:
         if not isinstance(policy, LearnedPolicy):
             raise
         raise ValueError(f"{error}; rate_square flies any") from error
-    observation, info = env.reset(seed=given.seed)
-    decisions, outside = env.problem.scenario.decisions, []
-    print(f"{mission.satellite.name}, {policy.name}, seed {given.seed}")
+    title = f"{mission.satellite.name}, {policy.name}, seed {given.seed}"
+    print(title)
+    frames: list[np.ndarray] = []
+    moving = given.video or given.page
+    scores = _fly(env, policy, given.seed, (lambda: frames.append(_frame(env))) if moving else None)
+    if drawn:
+        _write(given, title, scores, frames, _png(_frame(env)))
+    return 0
+
+
+def _fly(env: SatInertiaIDEnv, policy: Any, seed: int, draw: Callable[[], None] | None) -> dict[str, float]:
+    """Fly an episode, printing how it goes, and drawing now and then; its scores."""
+    decisions = env.problem.scenario.decisions
+    series: dict[str, list[float]] = {"relative_error": [], "outside": [], "nees": [], "cost": []}
+    observation, info = env.reset(seed=seed)
     print(f"{'time':>8s} {'error':>10s} {'held':>10s} {'outside':>8s} {'NEES':>6s}")
     for decision in range(1, decisions + 1):
+        if draw is not None and (decision - 1) % max(1, decisions // _FRAMES) == 0:
+            draw()
         observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])
-        outside.append(info["outside"])
+        for name, values in series.items():
+            values.append(info[name])
         if decision % max(1, decisions // _EVERY) == 0 or terminated or truncated:
             print(
                 f"{info['time']:6.0f} s {info['relative_error']:10.3%} {info['information_held']:5.1f} nats "
-                f"{np.mean(outside):8.1%} {info['nees']:6.2f}",
+                f"{np.mean(series['outside']):8.1%} {info['nees']:6.2f}",
                 flush=True,
             )
         if terminated or truncated:
             break
-    if given.picture:
-        _write_picture(env, given.picture)
-    return 0
+    if draw is not None:
+        draw()
+    error = np.array(series["relative_error"])[:, None]
+    return {
+        "duration": info["time"],
+        "final_error": float(metrics.final_error(error)[0]),
+        "mean_error": float(metrics.mean_error(error)[0]),
+        "nees": float(np.nanmean(series["nees"])),
+        "outside": float(np.mean(series["outside"])),
+        "cost": float(np.mean(series["cost"])),
+    }
 
 
-def _check_pygame() -> None:
-    """Refuse to draw before the flight, not after it.
+def _check_outputs(given: argparse.Namespace) -> bool:
+    """Refuse files that cannot be written, before the flight; whether anything is drawn.
 
     Raises:
-        ValueError: pygame is not there.
+        ValueError: an ending is of another format, or what draws is not there.
+        OSError: a folder cannot be written to.
     """
-    try:
-        importlib.import_module("satid_gym.rendering.canvas")
-    except gymnasium.error.DependencyNotInstalled as error:
-        raise ValueError('for --picture, pip install ".[render]" in the checkout') from error
+    asked = {name: getattr(given, name) for name in _ENDINGS if getattr(given, name)}
+    for name, path in asked.items():
+        if path.suffix.lower() not in _ENDINGS[name]:
+            raise ValueError(f"--{name} takes a file that ends in {' or '.join(_ENDINGS[name])}, got {path}")
+        check_writable(path.parent)
+    if asked:
+        try:
+            for module in ("canvas", *(["video"] if given.video or given.page else [])):
+                importlib.import_module(f"satid_gym.rendering.{module}")
+        except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
+            raise ValueError(f'for --{next(iter(asked))}, pip install ".[render]" in the checkout') from error
+    return bool(asked)
 
 
-def _write_picture(env: SatInertiaIDEnv, path: Path) -> None:
-    import pygame
-
+def _frame(env: SatInertiaIDEnv) -> np.ndarray:
     frame = env.render()
     assert frame is not None
-    with replacing(path, ending=".png") as part:
-        pygame.image.save(pygame.surfarray.make_surface(frame.swapaxes(0, 1)), str(part))
-    print(f"written to {path}")
+    return frame
+
+
+def _png(frame: np.ndarray) -> bytes:
+    import pygame
+
+    out = io.BytesIO()
+    pygame.image.save(pygame.surfarray.make_surface(frame.swapaxes(0, 1)), out, "frame.png")
+    return out.getvalue()
+
+
+def _write(
+    given: argparse.Namespace, title: str, scores: dict[str, float], frames: list[np.ndarray], picture: bytes
+) -> None:
+    """Write picture, video and page, and say so."""
+    if given.picture:
+        write_bytes(given.picture, picture)
+    if frames:
+        from satid_gym.rendering.video import write as write_video
+
+        if given.video:
+            write_video(given.video, frames, _FPS)
+        if given.page:
+            with tempfile.TemporaryDirectory() as folder:
+                film = Path(folder) / "flight.mp4"
+                write_video(film, frames, _FPS)
+                write_text(given.page, _page(title, scores, film.read_bytes(), picture, as_typed(sys.argv[1:])))
+    for name in _ENDINGS:
+        if path := getattr(given, name):
+            print(f"written to {path}")
+
+
+def _page(title: str, scores: dict[str, float], film: bytes, picture: bytes, command: str) -> str:
+    rows = [
+        ("flown for", f"{scores['duration']:g} s"),
+        ("final error, last fifth of the flight", f"{scores['final_error']:.3%}"),
+        ("mean error", f"{scores['mean_error']:.3%}"),
+        ("NEES per degree of freedom, mean", f"{scores['nees']:.2f}"),
+        ("rates outside their limit", f"{scores['outside']:.1%} of the time"),
+        ("largest cost, mean", f"{scores['cost']:.1%}"),
+    ]
+    parts = [
+        f"<h1>{html.escape(title)}</h1>",
+        table(("score", ""), rows),
+        video(film, "The flight"),
+        "<h2>At the end</h2>",
+        image(picture, "Satellite, wheels, rates, estimates and truth over the flight"),
+        f"<p><code>{html.escape(command)}</code></p>",
+    ]
+    return document(title, parts)

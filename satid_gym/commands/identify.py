@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from pathlib import Path
 from typing import Any
 
+from satid_gym.commands.words import as_typed
 from satid_gym.files import check_writable, write_bytes, write_json, write_text
 from satid_gym.identification import identify
 from satid_gym.identification.record import lines, record
@@ -60,7 +60,7 @@ def run(given: argparse.Namespace) -> int:
     print("\n".join(lines(found)))
     for note in found.notes:
         print(f"note: {note}", file=sys.stderr)
-    command = shlex.join(["satid", *(Path(word).name if Path(word).is_absolute() else word for word in sys.argv[1:])])
+    command = as_typed(sys.argv[1:])
     write_json(given.output / "identification.json", {"command": command, **record(found)})
     written = ["identification.json"]
     try:

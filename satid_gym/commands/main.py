@@ -1,6 +1,7 @@
 """Command `satid`: subcommands, exit codes, and one line on standard error instead of a traceback.
 
-Exit codes: 0 done; 1 the data do not tell, or contradict the satellite; 2 arguments or files; 130 Ctrl-C.
+Exit codes: 0 done; 1 the data do not tell or contradict the satellite, or what is asked cannot be; 2 arguments or
+files; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ import sys
 from collections.abc import Sequence
 
 from satid_gym import __version__
-from satid_gym.commands import export, fly, identify, lead
+from satid_gym.commands import design, export, fly, identify, lead
 from satid_gym.identification import NotIdentifiedError, SlipError
+from satid_gym.manoeuvres import NotPossibleError
 
-NOT_TOLD, WRONG, STOPPED = 1, 2, 128 + signal.SIGINT
+NO, WRONG, STOPPED = 1, 2, 128 + signal.SIGINT
 
 
 def parser() -> argparse.ArgumentParser:
@@ -23,12 +25,12 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
         prog="satid",
         description="Satellites that find out their own inertia: from a data sheet and recorded flights.",
-        epilog=f"exit codes: 0 done, {NOT_TOLD} the data do not tell or contradict the satellite, {WRONG} arguments or "
-        f"files, {STOPPED} Ctrl-C",
+        epilog=f"exit codes: 0 done, {NO} the data do not tell or contradict the satellite, or what is asked "
+        f"cannot be, {WRONG} arguments or files, {STOPPED} Ctrl-C",
     )
     top.add_argument("--version", action="version", version=f"satid-gym {__version__}")
     parts = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (identify, fly, export):
+    for module in (design, fly, identify, export):
         module.add(parts)
     lead.add(parts)
     return top
@@ -48,9 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read the output, such as head, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
-    except (NotIdentifiedError, SlipError) as error:
+    except (NotIdentifiedError, NotPossibleError, SlipError) as error:
         print(f"no: {error}", file=sys.stderr)
-        return NOT_TOLD
+        return NO
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
     except OSError as error:

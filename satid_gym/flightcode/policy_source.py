@@ -11,6 +11,7 @@ from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.flightcode.c_types import number
 from satid_gym.flightcode.layout import lines_of
+from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.open_loop_optimal import OpenLoopOptimalPolicy
@@ -19,7 +20,7 @@ from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 
-_SCRIPTS = (ScriptedPolicy, OpenLoopOptimalPolicy, RandomPolicy, ZeroPolicy)
+_SCRIPTS = (ScriptedPolicy, OpenLoopOptimalPolicy, ManoeuvrePolicy, RandomPolicy, ZeroPolicy)
 _COUNTER = "    int32_t decision;"
 
 

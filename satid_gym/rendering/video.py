@@ -1,4 +1,4 @@
-"""Video files, written atomically: mp4 by the ffmpeg of imageio-ffmpeg, gif by Pillow."""
+"""Video files, written atomically: mp4 by the ffmpeg of imageio-ffmpeg, gif by Pillow; both are in extra "render"."""
 
 from __future__ import annotations
 

@@ -1,0 +1,105 @@
+"""Subcommand `satid design`: the manoeuvre for a satellite, as CSV, JSON, a picture and a page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from satid_gym.commands.words import as_typed
+from satid_gym.files import check_writable, write_bytes, write_json, write_text
+from satid_gym.manoeuvres import Effort, KeepOut, design
+from satid_gym.manoeuvres.record import csv, lines, record
+from satid_gym.problem import CONTROLS
+
+_EXAMPLES = """examples:
+  satid design microsat
+  satid design sat.toml --duration 600 --accuracy 0.0005 --returns
+  satid design sat.toml --turn-limit 30 --keep-out 0,0,1:1,0,0:35
+
+A keep-out is BORESIGHT:DIRECTION:DEGREES, both in the body frame as the manoeuvre begins; write --keep-out=-1,0,0:...
+where it begins with a minus sign.
+"""
+
+
+def add(parts: Any) -> None:
+    """Add the subcommand."""
+    own = parts.add_parser(
+        "design",
+        help="manoeuvre that tells a satellite's inertia",
+        description="Design the manoeuvre that tells a satellite's inertia best, from rest to rest, within the limits "
+        "of its data sheet.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    own.add_argument("satellite", help="data sheet: name, .toml or .json file")
+    own.add_argument("--duration", type=float, default=300.0, metavar="S", help="s from rest to rest; default 300")
+    own.add_argument(
+        "--accuracy", type=float, metavar="STD", help="asked of every moment, relative; default: as good as can be"
+    )
+    own.add_argument("--returns", action="store_true", help="end in the attitude in which it began")
+    own.add_argument("--turn-limit", type=float, metavar="DEG", help="largest angle from that attitude")
+    own.add_argument(
+        "--keep-out", action="append", default=[], metavar="CONE", help="a boresight keeps out of it; may be repeated"
+    )
+    own.add_argument("--control", choices=CONTROLS, default="rate", help="what flies it: a rate loop, or torque alone")
+    own.add_argument("--scenario", default="default", help="name or file: noise, prior and periods")
+    own.add_argument("--rounds", type=int, default=Effort.rounds, help=f"of the search; default {Effort.rounds}")
+    own.add_argument("--seed", type=int, default=0, help="of the search")
+    own.add_argument("--output", type=Path, default=Path("design"), help="folder; default design")
+    own.set_defaults(run=run)
+
+
+def run(given: argparse.Namespace) -> int:
+    """Design, write, and show the tables.
+
+    Raises:
+        ValueError: an argument is not valid, or no manoeuvre does what is asked.
+    """
+    check_writable(given.output)
+    found = design(
+        given.satellite,
+        duration=given.duration,
+        accuracy=given.accuracy,
+        returns=given.returns,
+        turn_limit=None if given.turn_limit is None else np.radians(given.turn_limit),
+        keep_outs=[_keep_out(word) for word in given.keep_out],
+        scenario=given.scenario,
+        control=given.control,
+        effort=Effort(rounds=given.rounds, seed=given.seed),
+        progress=lambda line: print(f"{line} ...", file=sys.stderr, flush=True),
+    )
+    print("\n".join(lines(found)))
+    for note in found.notes:
+        print(f"note: {note}", file=sys.stderr)
+    command = as_typed(sys.argv[1:])
+    write_text(given.output / "manoeuvre.csv", csv(found))
+    write_json(given.output / "design.json", {"command": command, **record(found)})
+    written = ["manoeuvre.csv", "design.json"]
+    try:
+        from satid_gym.manoeuvres.figure import png
+        from satid_gym.manoeuvres.page import page
+
+        picture = png(found)
+    except ValueError as error:
+        print(f"note: {error}", file=sys.stderr)
+    else:
+        write_bytes(given.output / "design.png", picture)
+        write_text(given.output / "design.html", page(found, picture, command))
+        written += ["design.png", "design.html"]
+    print(f"\nwritten to {given.output}: {', '.join(written)}")
+    return 0
+
+
+def _keep_out(word: str) -> KeepOut:
+    """Keep-out of BORESIGHT:DIRECTION:DEGREES."""
+    try:
+        boresight, direction, angle = word.split(":")
+        vectors = [[float(part) for part in vector.split(",")] for vector in (boresight, direction)]
+        degrees = float(angle)
+    except ValueError:
+        raise ValueError(f"--keep-out takes BORESIGHT:DIRECTION:DEGREES such as 0,0,1:1,0,0:35, got {word!r}") from None
+    return KeepOut(boresight=np.array(vectors[0]), direction=np.array(vectors[1]), angle=float(np.radians(degrees)))

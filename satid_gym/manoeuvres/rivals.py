@@ -1,0 +1,84 @@
+"""Rivals of a manoeuvre on the same satellite: the paper's eight profiles and the closed loops, each as good as can be.
+
+Each is flown with several settings on tuning seeds; the best that keeps the limits is a rival, else the one that
+leaves them least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from satid_gym.evaluation import seeds
+from satid_gym.manoeuvres.request import Request
+from satid_gym.manoeuvres.search import SLACK, Effort, Progress
+from satid_gym.manoeuvres.trial import Trial, fly_side_by_side
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policies.scripted import ScriptedPolicy
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.policy import Policy, observation_settings
+from satid_gym.problem import Problem
+from satid_gym.profiles import PROFILES
+
+_AMPLITUDES = np.geomspace(0.001, 1.0, 13)  # of the torque limit
+_PERIODS = (6.0, 12.0, 24.0, 48.0)  # s
+_MARGINS = (2.5, 3.5)
+_SHARES, _DWELLS = (0.5, 0.9), (0.5, 2.0)
+_TUNING = 6  # flights that choose settings, over those of a round of the search
+
+
+def rivals(problem: Problem, request: Request, effort: Effort, progress: Progress) -> list[Trial]:
+    """Trials of the rivals, each with the settings that were best for it.
+
+    Args:
+        problem: as for `search`; rivals command torque, or rates where they take nothing else.
+        request: whose limit on costs they keep to; turn limits and keep-outs are told, not kept to.
+        effort: how many satellites are drawn.
+        progress: is told of each kind.
+    """
+    chosen: list[Trial] = []
+    families = [("the paper's eight profiles", _scripted(), problem.replace(control="torque"))]
+    families.append(("squares of rate by torque", _squares(), problem.replace(control="torque")))
+    if problem.satellites[0].oscillators:
+        shaped = problem.replace(control="rate", **observation_settings(ShapedSquarePolicy()))
+        families.append(("shaped squares of rate", _shaped(), shaped))
+    for what, family, world in families:
+        progress(f"comparing with {what}")
+        groups = list(family)
+        choices = [policy for group in groups for policy in group]
+        trials = fly_side_by_side(world, choices, seeds("tuning", _TUNING * effort.episodes))
+        best, place = [], 0
+        for group in groups:
+            own = trials[place : place + len(group)]
+            best.append(group[_best(own, request.cost_limit)])
+            place += len(group)
+        chosen += fly_side_by_side(world, best, seeds("test", effort.flights), request.keep_outs)
+    return chosen
+
+
+def _best(trials: list[Trial], limit: float) -> int:
+    costs, limit = np.array([trial.worst_cost for trial in trials]), SLACK * limit
+    if costs.min() > limit:
+        return int(np.argmin(costs))
+    return int(
+        np.argmin([trial.expected if cost <= limit else np.inf for trial, cost in zip(trials, costs, strict=True)])
+    )
+
+
+def _scripted() -> Iterator[list[Policy]]:
+    for name, profile in PROFILES.items():
+        yield [ScriptedPolicy(name, profile, amplitude) for amplitude in _AMPLITUDES]
+
+
+def _squares() -> Iterator[list[Policy]]:
+    yield [RateSquarePolicy(period, margin) for period in _PERIODS for margin in _MARGINS]
+
+
+def _shaped() -> Iterator[list[Policy]]:
+    yield [
+        ShapedSquarePolicy(period=period, share=share, dwell=dwell)
+        for period in _PERIODS
+        for share in _SHARES
+        for dwell in _DWELLS
+    ]

@@ -1,0 +1,250 @@
+"""Manoeuvres: their waves against the equations of motion, their trials against the evaluation, what is refused."""
+
+import contextlib
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from satid_gym import SATELLITES, KeepOut, Panel, Pilot, design, simulate
+from satid_gym.commands.main import main
+from satid_gym.evaluation import fly, seeds
+from satid_gym.manoeuvres import Effort, ManoeuvrePolicy, NotPossibleError, Request
+from satid_gym.manoeuvres.feasibility import least_std
+from satid_gym.manoeuvres.pointing import attitudes, separations, turned
+from satid_gym.manoeuvres.search import manoeuvres
+from satid_gym.manoeuvres.trial import fly_side_by_side
+from satid_gym.manoeuvres.waves import SIZE, Authority, Waves
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policy import only_mission
+from satid_gym.problem import problem
+
+QUICK = Effort(population=16, rounds=3, episodes=4, flights=24)
+MICROSAT = SATELLITES["microsat"]
+AXES = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3.0)
+PYRAMID = MICROSAT.replace(
+    inertia=MICROSAT.inertia + np.array([[0.0, 0.5, -0.2], [0.5, 0.0, 0.3], [-0.2, 0.3, 0.0]]),
+    wheels=MICROSAT.wheels.replace(axes=AXES, inertia=2e-3, max_torque=0.1, max_speed=900.0),
+)
+
+
+def drawn(authority, count=20, seed=0):
+    """Waves with periods of 20 to 80 s and windows of 3 to 12 s."""
+    rng = np.random.default_rng(seed)
+    code = np.empty((count, SIZE))
+    code[:, 0], code[:, 1] = np.log(rng.uniform(20.0, 80.0, count)), np.log(rng.uniform(3.0, 12.0, count))
+    code[:, 2:5], code[:, 5:] = rng.uniform(-1.5, 0.0, (count, 3)), rng.uniform(0.0, 1.0, (count, 3))
+    return Waves.decoded(code, authority)
+
+
+@pytest.mark.parametrize("returns", [False, True])
+def test_waves_are_at_rest_at_both_ends_and_within_what_the_wheels_give(returns):
+    authority, fine = Authority.of(MICROSAT), np.linspace(0.0, 300.0, 30_001)
+    rates = drawn(authority).rates(fine, 300.0, returns)
+    np.testing.assert_allclose(rates[:, [0, -1]], 0.0, atol=1e-15)
+    assert (np.abs(rates) <= authority.rate * (1.0 + 1e-9)).all()
+    assert np.abs(rates).max() > 0.5 * authority.rate.min()
+    assert (np.abs(np.diff(rates, axis=1)) / 0.01 <= authority.acceleration * (1.0 + 1e-6)).all()
+    assert bool(np.abs(rates + rates[:, ::-1]).max() < 1e-12) is returns  # the reverse of itself
+
+
+@pytest.mark.parametrize("satellite", [MICROSAT, PYRAMID], ids=["three wheels", "four and a full tensor"])
+def test_torque_gives_the_nominal_satellite_the_rates_and_brings_it_back(satellite):
+    posed = problem(satellite, "static", control="rate")
+    waves = drawn(Authority.of(satellite), count=3)
+    for plan in manoeuvres(waves, Request(returns=True), posed, satellite):
+        flown = simulate(satellite, plan.torque, 1.0)
+        middle = 0.5 * (flown.omega[1:] + flown.omega[:-1])
+        np.testing.assert_allclose(middle, plan.rate, atol=2e-3 * satellite.rate_limit)
+        assert np.linalg.norm(flown.omega[-1]) < 1e-3 * satellite.rate_limit
+        apart = Rotation.from_quat(flown.attitude[:-1]).inv() * Rotation.from_quat(plan.attitude)
+        assert np.degrees(apart.magnitude().max()) < 0.2
+        assert np.degrees(turned(flown.attitude[-1])) < 0.2
+        assert np.degrees(turned(flown.attitude).max()) > 5.0
+
+
+def test_a_mode_whose_period_divides_the_window_is_left_at_rest():
+    """Singer and Seering's boxcar, on a panel of the truth."""
+    panel = Panel(hinge=[0, 0.3, 0], axis=[1, 0, 0], arm=[0, 0.3, 0], mass=1.0, frequency=0.25, damping=0.0)
+    satellite = MICROSAT.replace(oscillators=[panel])
+    J_free = satellite.inertia - satellite.wheels.rotor_inertia
+    (mode,) = satellite.modes
+    turning = mode.frequency / np.sqrt(1.0 - mode.coupling[0] ** 2 / J_free[0, 0])  # Hz, of the body set free
+    ringing = {}
+    for turns in (2.0, 2.5):
+        window = np.full((1, 3), turns / turning)
+        waves = Waves(
+            period=np.full((1, 1), 1e6), window=window, amplitude=np.array([[0.02, 0, 0]]), phase=np.zeros((1, 3))
+        )
+        time = 0.1 * np.arange(1001)
+        rates = waves.rates(time, 60.0, False)[0]
+        flown = simulate(satellite, -np.diff(rates, axis=0) @ J_free / 0.1, 0.1)
+        ringing[turns] = np.ptp(flown.deflection[time > 62.0])
+        assert np.ptp(flown.deflection) > 1e-3
+    assert ringing[2.0] < 0.05 * ringing[2.5]
+
+
+def test_attitudes_follow_the_rates():
+    rates = np.tile([0.0, 0.0, 0.01], (1, 101, 1))
+    turns = attitudes(rates, 1.0)
+    assert turned(turns[0, -1]) == pytest.approx(1.0)
+    sun = KeepOut(boresight=[2.0, 0.0, 0.0], direction=[0.0, 3.0, 0.0], angle=0.1)
+    assert separations(turns, [sun])[0, -1, 0] == pytest.approx(0.5 * np.pi - 1.0)
+
+
+def test_flights_side_by_side_are_those_of_the_evaluation():
+    own = seeds("validation", 5)
+    posed = problem("microsat", "static")
+    policies = [RateSquarePolicy(period, 3.0) for period in (8.0, 16.0)]
+    for policy, trial in zip(policies, fly_side_by_side(posed, policies, own), strict=True):
+        flight = fly(policy, satellite="microsat", inertia="static", seeds=own)
+        np.testing.assert_array_equal(trial.error, flight.error)
+        np.testing.assert_array_equal(trial.costs[:, 0], flight.scores()["outside_fraction"])
+        assert not trial.terminated.any()
+    assert np.all(trial.std[-1] < 0.01)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A design of 120 s, written by the command, with what was printed."""
+    pytest.importorskip("matplotlib")
+    folder = tmp_path_factory.mktemp("design")
+    words = ["design", "microsat", "--duration", "120", "--rounds", "1", "--keep-out", "0,0,1:1,0,0:40"]
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as error:
+        assert main([*words, "--output", str(folder)]) == 0
+    return folder, out.getvalue(), error.getvalue()
+
+
+@pytest.fixture(scope="module")
+def found():
+    return design("microsat", returns=True, turn_limit=0.5, effort=QUICK)
+
+
+def test_a_design_keeps_its_limits_beats_the_eight_and_claims_what_is_so(found):
+    trial = found.trial
+    assert trial.worst_cost <= 0.01
+    assert trial.turn.max() < 0.5
+    assert np.degrees(np.median(trial.turn[-1])) < 2.0
+    assert np.median(trial.end_rate) < 0.03 * MICROSAT.rate_limit
+    assert 0.3 < trial.nees.mean() < 2.0
+    assert found.least[-1] < trial.accuracy < 3.0 * found.least[-1]
+    eight = [rival.accuracy for rival in found.rivals if rival.name != "rate_square"]
+    assert len(eight) == 8
+    assert trial.accuracy < min(eight) / 5.0
+    assert trial.error[-1].mean() < 3.0 * trial.accuracy
+    assert found.open_loop.worst_cost > 0.1  # without a rate loop it drifts: the other control is for that
+
+
+def test_bound_falls_with_time_and_with_better_limits():
+    mission = only_mission(problem("microsat", "static"))
+    least = least_std(mission, 100.0)
+    assert np.all(np.diff(least) <= 0.0)
+    assert least[0] > 0.1
+
+
+def test_what_no_motion_can_tell_is_refused_with_what_would_do():
+    with pytest.raises(
+        NotPossibleError, match=r"noise leaves 3\.\de-05; it takes at least \d+ s, or a rate limit"
+    ) as no:
+        design("microsat", accuracy=2e-5, effort=QUICK)
+    longer = float(re.search(r"at least (\d+) s", str(no.value))[1])
+    faster = float(re.search(r"limit of ([\d.]+) rad", str(no.value))[1])
+    world = problem("microsat", "static")
+    assert least_std(only_mission(world), longer)[-1] <= 2e-5 < least_std(only_mission(world), 0.95 * longer)[-1]
+    quick = problem(MICROSAT.replace(rate_limit=faster), "static")
+    assert least_std(only_mission(quick), 300.0)[-1] <= 2e-5
+
+
+def test_what_the_best_manoeuvre_does_not_reach_is_said_with_the_time_it_takes():
+    with pytest.raises(
+        NotPossibleError, match=r"30 s leaves [\d.e-]+ of a moment of inertia; (60|120|240) s of the same"
+    ):
+        design("microsat", duration=30.0, accuracy=2e-4, effort=QUICK)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"duration": -1.0}, "duration must be finite and more than 0"),
+        ({"duration": 30.5}, "horizon / decision_period must be an integer"),
+        ({"accuracy": 2.0}, "accuracy must be finite"),
+        ({"turn_limit": 4.0}, "turn_limit must be finite"),
+        ({"keep_outs": [{"boresight": [0, 0, 1], "direction": [0, 0, 1], "angle": 0.1}]}, "within its keep-out of 5.7"),
+        ({"keep_outs": [{"boresight": [0, 0, 0], "direction": [0, 0, 1], "angle": 0.1}]}, "must have a length"),
+        ({"satellite": ["cubesat", "microsat"]}, "designed for one data sheet"),
+        ({"control": "momentum"}, "unknown control 'momentum'"),
+        ({"scenario": "flex"}, "designed for one data sheet"),
+    ],
+)
+def test_requests_that_cannot_be_are_refused(settings, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        design(**{"satellite": "microsat", "effort": QUICK, **settings})
+
+
+def test_the_command_writes_table_record_picture_and_page(written):
+    folder, out, error = written
+    table = np.genfromtxt(folder / "manoeuvre.csv", delimiter=",", names=True)
+    assert len(table) == 120
+    assert table.dtype.names[:4] == ("time_s", "rate_x_rad_per_s", "rate_y_rad_per_s", "rate_z_rad_per_s")
+    kept = json.loads((folder / "design.json").read_text())
+    assert kept["flights"]["least_clearance_rad"][0] > 0.0
+    np.testing.assert_allclose(
+        table["rate_x_rad_per_s"], np.array(kept["manoeuvre"]["rate_rad_per_s"])[:, 0], rtol=1e-8
+    )
+    assert (folder / "design.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    page = (folder / "design.html").read_text()
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    assert str(folder) not in page + json.dumps(kept)
+    assert re.search(r"^Jxx +[\d.e-]+ +[\d.]+ %$", out, flags=re.M)
+    assert "round 1 of 1" in error
+
+
+@pytest.mark.parametrize("control", ["rate", "torque"])
+def test_a_pilot_flies_the_file(written, control):
+    path = written[0] / "design.json"
+    plan = ManoeuvrePolicy.read(path).manoeuvre
+    pilot = Pilot("microsat", str(path), control=control, scenario={"horizon": 121.0})
+    torque = pilot.start(0.0, np.zeros(3), np.zeros(3))
+    limits, first = (
+        (MICROSAT.rate_limit, plan.rate[0]) if control == "rate" else (MICROSAT.wheels.max_torque, plan.torque[0])
+    )
+    np.testing.assert_allclose(pilot._tasks[0]["command"] * limits, first, rtol=1e-6)
+    if control == "torque":
+        np.testing.assert_allclose(torque, first, rtol=1e-6)
+    policy = ManoeuvrePolicy(plan)
+    policy.reset(pilot.mission, [0])
+    actions = [policy(np.zeros((2, 1))) for _ in range(121)]
+    np.testing.assert_array_equal(actions[-1], 0.0)  # the manoeuvre is over
+    assert np.abs(actions).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("satellite", "scenario", "said"),
+    [
+        (PYRAMID, {}, "the manoeuvre is for 3 wheels, and microsat has 4"),
+        (MICROSAT, {"decision_period": 2.0}, "commands every 1 s, and the scenario decides every 2 s"),
+    ],
+)
+def test_a_manoeuvre_for_another_satellite_is_refused(written, satellite, scenario, said):
+    with pytest.raises(ValueError, match=said):
+        Pilot(satellite, str(written[0] / "design.json"), scenario=scenario)
+
+
+def test_a_file_without_a_manoeuvre_is_refused(tmp_path, capsys):
+    path = tmp_path / "other.json"
+    path.write_text('{"manoeuvre": {"time_s": [0.0, 1.0]}}')
+    assert main(["fly", "--policy", str(path)]) == 2
+    assert "holds no manoeuvre ('rate_rad_per_s'): satid design writes it" in capsys.readouterr().err
+    assert main(["fly", "--policy", str(tmp_path / "none.json")]) == 2
+    assert "is missing: satid design writes it" in capsys.readouterr().err
+
+
+def test_the_command_says_no_and_names_a_word_that_is_wrong(tmp_path, capsys):
+    assert main(["design", "microsat", "--accuracy", "1e-6", "--output", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.startswith("no: no manoeuvre of 300 s tells every moment of inertia to 1e-06")
+    assert main(["design", "microsat", "--keep-out", "0,0,1:35", "--output", str(tmp_path)]) == 2
+    assert "BORESIGHT:DIRECTION:DEGREES" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
