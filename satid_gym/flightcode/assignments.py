@@ -50,7 +50,7 @@ class Assignments(Expressions):
     def _assign(self, node: ast.Assign, block: list[ast.stmt], depth: int) -> None:
         if len(node.targets) > 1:
             value = self.value(node.value)
-            if value.constant is None:
+            if value.constant is None and not value.code.isidentifier():
                 value = self._kept(value, depth)
             for target in node.targets:
                 self._store(target, value, block, depth)

@@ -50,7 +50,8 @@ class Function(Assignments):
                 self.lines.insert(at + 1, f"{lead}(void){name};")
 
     def _is_read(self, name: str) -> bool:
-        stored = re.compile(rf"^\s*(\w+ \(?\*?)?{name}\)?(\[\d+\])* = |^\s*\w+ \*?{name};")
+        declaration = rf"(?!return )\w+ \(?\*?{name}\)?(\[\d+\])*( = |;)"
+        stored = re.compile(rf"^\s*({declaration}|{name} = )")
         return any(_mentions(name, stored.sub("", line)) for line in self.lines)
 
     def _translate(self) -> None:

@@ -21,6 +21,8 @@ class Source:
 
     Attributes:
         name: of its module and its own.
+        origin: dotted name in Python.
+        summary: first line of its docstring.
         arguments: their names.
         body: its statements, without the docstring.
         stores: how often each local variable is assigned, by name.
@@ -34,6 +36,8 @@ class Source:
         assert isinstance(tree, ast.FunctionDef)
         self.tree = tree
         self.name = f"{self._plain.__module__.rpartition('.')[2]}_{tree.name.lstrip('_')}"
+        self.origin = f"{self._plain.__module__}.{tree.name}"
+        self.summary = (ast.get_docstring(tree) or "").partition("\n")[0]
         self.arguments = [argument.arg for argument in tree.args.args]
         self.body = tree.body[1:] if ast.get_docstring(tree) else tree.body
         self.stores: dict[str, int] = dict.fromkeys(self.arguments, 1)

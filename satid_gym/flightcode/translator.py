@@ -59,7 +59,8 @@ class Translator:
                 name += "_"
             self._names.add(name)
             self._texts[function, text] = name
-            self.definitions.append(text.replace("NAME", name, 1))
+            comment = f"{source.origin}: {source.summary}" if source.summary else source.origin
+            self.definitions.append(f"/* {comment} */\n{text.replace('NAME', name, 1)}")
         return self._texts[function, text]
 
     def use(self, kind: Tuple) -> str:
