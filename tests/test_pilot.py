@@ -158,6 +158,16 @@ def test_a_clock_that_stands_still_gives_no_torque():
     assert torque.any(), "the next decision flies"
 
 
+def test_a_stamp_from_far_ahead_ends_the_flight():
+    for stamp in (1e6, 1e300):
+        pilot = Pilot("microsat", "rate_square")
+        pilot.start(0.0, np.zeros(3), np.zeros(3))
+        believed = pilot.estimate.mean
+        assert not pilot.step(stamp, np.zeros(3), np.zeros(3)).any()
+        assert pilot.status.state == "over"
+        np.testing.assert_array_equal(pilot.estimate.mean, believed)
+
+
 def error_over_std(pilot, flight):
     truth = np.diag(flight.fleets[0].rows.reports[0]["inertia_true"])
     return np.abs(pilot.estimate.theta - truth) / pilot.estimate.std

@@ -139,7 +139,8 @@ class Pilot:
             if reading.value is None:
                 self._count(reading.absence, reading.message)
         (rate, *_), (speed, *_) = readings
-        period = self.problem.scenario.sample_period
+        world = self.problem.scenario
+        period = world.sample_period
         if time < self._seen + _SAME * period:
             self._count("late" if time < self._seen - _SAME * period else "repeated", "a stamp that has passed")
             self._passed += 1
@@ -149,8 +150,8 @@ class Pilot:
             return self._torque.copy()
         self._seen, self._passed = time, 0
         due = self._due(time)
-        if speed is not None:
-            self._tasks["decision"] = min(self._decided + max(due, 1) - 1, self.problem.scenario.decisions)
+        if speed is not None and (time - self._time) / period < world.decisions * world.samples + 1:
+            self._tasks["decision"] = min(self._decided + max(due, 1) - 1, world.decisions)
             self._update(time, rate, speed)
         self._look_after(time)
         if due and self.status.state != "over":
@@ -171,8 +172,8 @@ class Pilot:
     def _due(self, time: float) -> int:
         """Decisions that should have been taken by now and were not; half a sample early counts."""
         world = self.problem.scenario
-        elapsed = int((time - self._begun + 0.5 * world.sample_period) / world.decision_period)
-        return min(elapsed + 1, world.decisions + 1) - self._decided
+        elapsed = (time - self._begun + 0.5 * world.sample_period) / world.decision_period
+        return int(min(elapsed, world.decisions)) + 1 - self._decided
 
     def _update(self, time: float, rate: np.ndarray | None, speed: np.ndarray) -> None:
         """Give the filter what is there; across a gap it takes as many steps as samples are missing."""
