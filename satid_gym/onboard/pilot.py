@@ -33,8 +33,8 @@ class Pilot:
     A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel
     speeds it waits for the next ones and crosses the gap with speeds between the two, and a rate is not followed
     meanwhile: no torque. A decision that falls due without wheel speeds, or `patience` seconds after the gyro's last
-    reading, commands no torque, and so does a filter that broke down; `status` says so. What is commanded is always
-    finite and within the motors' limits.
+    reading, commands no torque, and so does a filter that broke down, or a clock that stands still; `status` says so.
+    What is commanded is always finite and within the motors' limits.
 
     Args:
         satellite: name, file, mapping or `Satellite`; its data sheet is what the filter is told.
