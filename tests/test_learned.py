@@ -8,7 +8,7 @@ import onnx
 import pytest
 import torch
 
-from agents.training.onnx_export import TOLERANCE, export, torch_network
+from agents.training.onnx_export import TOLERANCE, export, graph, largest_difference, posed, recorded, session_of
 from satid_gym import SATELLITES
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import fly, seeds
@@ -16,6 +16,7 @@ from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.shipped import find, shipped
 from satid_gym.policy import missions
 from satid_gym.problem import problem
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from tests.cases import cases
 
 SIZE = 37
@@ -27,6 +28,17 @@ def network(seed: int = 0, outputs: int = 3, scale: float = 0.3, inputs: int = S
     sizes = [inputs, 16, 8, outputs]
     weights = tuple((scale * rng.standard_normal((b, a))).astype(np.float32) for a, b in pairwise(sizes))
     return Network(weights, tuple(rng.standard_normal(b).astype(np.float32) for b in sizes[1:]), **choices)
+
+
+def torch_network(network: Network) -> torch.nn.Sequential:
+    """The same layers in torch, in double precision, and the cut to [-1, 1]."""
+    layers: list[torch.nn.Module] = []
+    for weight, bias in zip(network.weights, network.biases, strict=True):
+        layer = torch.nn.Linear(weight.shape[1], weight.shape[0])
+        layer.weight.data, layer.bias.data = torch.from_numpy(weight), torch.from_numpy(bias)
+        layers += [layer.double(), torch.nn.Tanh() if network.activation == "tanh" else torch.nn.ReLU()]
+    last = [torch.nn.Tanh()] if network.squashed else []
+    return torch.nn.Sequential(*layers[:-1], *last, torch.nn.Hardtanh())
 
 
 @pytest.mark.parametrize("choices", [{}, {"activation": "relu"}, {"activation": "relu", "squashed": True}])
@@ -172,14 +184,44 @@ def test_networks_that_do_not_fit_or_are_not_finite_are_refused():
         Network.from_tensors({"weight.0": tensors["weight.0"]})
 
 
-@pytest.mark.parametrize("choices", [{}, {"activation": "relu", "squashed": True}])
-def test_the_exported_network_equals_torch(tmp_path, choices):
-    policy = LearnedPolicy("x", network(scale=2.0, **choices), "rate", 2.4)
-    difference, seconds = export(policy, tmp_path / "x.onnx")
+@cases(("name", "satellite"), [(n, s) for n in ("generalist", "ppo") for s in BENCHMARK_SATELLITES])
+def test_the_exported_graph_acts_as_the_shipped_policy(name, satellite, tmp_path):
+    policy = find(name)
+    difference, seconds = export(policy, tmp_path / "x.onnx", posed(policy, satellite))
     assert difference <= TOLERANCE
     assert 0.0 < seconds < 0.1
     props = {p.key: p.value for p in onnx.load(tmp_path / "x.onnx").metadata_props}
-    assert props == {"control": "rate", "margin": "2.4", "include_covariance": "False", "observation": "wheels"}
+    assert props == {
+        "satellite": satellite,
+        "scenario": "default",
+        "control": "torque",
+        "include_covariance": str(policy.include_covariance),
+        "observation": "wheels",
+    }
+
+
+@cases(
+    ("commands", "control", "choices"),
+    [("rate", "torque", {"activation": "relu", "squashed": True}), ("rate", "rate", {}), ("torque", "torque", {})],
+)
+def test_the_graph_of_any_network_acts_as_it_does(commands, control, choices, pyramid):
+    """Four wheels, the full tensor, and commands beyond what the wheels have."""
+    flown = problem(pyramid, "static", control=control)
+    size = max(place.stop for place in flown.layout.values())
+    net = network(scale=2.0, outputs=3 if commands == "rate" else 4, inputs=size, **choices)
+    policy = LearnedPolicy("x", net, commands, 2.4)
+    observations = recorded(policy, flown, 60)
+    session = session_of(graph(policy, missions(flown)[0]))
+    assert largest_difference(session, policy, observations) <= TOLERANCE
+    rng = np.random.default_rng(3)
+    noisy = observations + 0.3 * rng.standard_normal(observations.shape).astype(np.float32)
+    assert largest_difference(session, policy, noisy) <= TOLERANCE
+    (whole,) = session.run(None, {"observation": noisy})
+    noisy[3, 5], noisy[7, 0], noisy[20] = np.nan, np.inf, -np.inf
+    (spoilt,) = session.run(None, {"observation": noisy})
+    assert not spoilt[[3, 7, 20]].any()
+    rest = np.setdiff1d(np.arange(len(noisy)), [3, 7, 20])
+    np.testing.assert_allclose(spoilt[rest], whole[rest], atol=1e-7)
 
 
 def test_what_is_shipped():

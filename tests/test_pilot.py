@@ -145,6 +145,29 @@ def test_repeated_and_late_stamps_change_nothing():
     assert one.status.counts == dict.fromkeys(one.status.counts, 0)
 
 
+def test_a_clock_that_stands_still_gives_no_torque():
+    pilot = Pilot("microsat", "rate_square")
+    assert pilot.start(0.0, np.zeros(3), np.zeros(3)).any()
+    held = [pilot.step(0.0, np.zeros(3), np.zeros(3)) for _ in range(35)]
+    assert all(torque.any() for torque in held[:30])
+    assert not any(torque.any() for torque in held[30:])
+    assert pilot.status.state == "coasting"
+    assert "start again" in pilot.status.message
+    for k in range(1, 12):
+        torque = pilot.step(0.1 * k, np.zeros(3), np.zeros(3))
+    assert torque.any(), "the next decision flies"
+
+
+def test_a_stamp_from_far_ahead_ends_the_flight():
+    for stamp in (1e6, 1e300):
+        pilot = Pilot("microsat", "rate_square")
+        pilot.start(0.0, np.zeros(3), np.zeros(3))
+        believed = pilot.estimate.mean
+        assert not pilot.step(stamp, np.zeros(3), np.zeros(3)).any()
+        assert pilot.status.state == "over"
+        np.testing.assert_array_equal(pilot.estimate.mean, believed)
+
+
 def error_over_std(pilot, flight):
     truth = np.diag(flight.fleets[0].rows.reports[0]["inertia_true"])
     return np.abs(pilot.estimate.theta - truth) / pilot.estimate.std

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from satid_gym import __version__
-from satid_gym.commands import design, fly, identify, lead
+from satid_gym.commands import design, export, fly, identify, lead
 from satid_gym.identification import NotIdentifiedError, SlipError
 from satid_gym.manoeuvres import NotPossibleError
 
@@ -30,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"satid-gym {__version__}")
     parts = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (design, fly, identify):
+    for module in (design, fly, identify, export):
         module.add(parts)
     lead.add(parts)
     return top

@@ -13,7 +13,6 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
-from satid_gym.onboard.gap import widen
 from satid_gym.onboard.readings import gyro_reading, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings
@@ -34,8 +33,8 @@ class Pilot:
     A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel
     speeds it waits for the next ones and crosses the gap with speeds between the two, and a rate is not followed
     meanwhile: no torque. A decision that falls due without wheel speeds, or `patience` seconds after the gyro's last
-    reading, commands no torque, and so does a filter that broke down; `status` says so. What is commanded is always
-    finite and within the motors' limits.
+    reading, commands no torque, and so does a filter that broke down, or a clock that stands still; `status` says so.
+    What is commanded is always finite and within the motors' limits.
 
     Args:
         satellite: name, file, mapping or `Satellite`; its data sheet is what the filter is told.
@@ -115,7 +114,7 @@ class Pilot:
         self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
         self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
         self._begun = self._time = self._seen = self._heard = self._steered = time
-        self._decided, self._nis, self.status = 0, np.nan, Status(state="flying")
+        self._decided, self._passed, self._nis, self.status = 0, 0, np.nan, Status(state="flying")
         self.policy.reset(self.mission, [self.seed])
         reading = self._readings[0]
         reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
@@ -140,14 +139,19 @@ class Pilot:
             if reading.value is None:
                 self._count(reading.absence, reading.message)
         (rate, *_), (speed, *_) = readings
-        period = self.problem.scenario.sample_period
+        world = self.problem.scenario
+        period = world.sample_period
         if time < self._seen + _SAME * period:
             self._count("late" if time < self._seen - _SAME * period else "repeated", "a stamp that has passed")
+            self._passed += 1
+            if self._passed * period > self.patience and self.status.state != "over":
+                self._coast("the clock stands still, or was set back: start again")
+                self._steer(False)
             return self._torque.copy()
-        self._seen = time
+        self._seen, self._passed = time, 0
         due = self._due(time)
-        if speed is not None:
-            self._tasks["decision"] = min(self._decided + max(due, 1) - 1, self.problem.scenario.decisions)
+        if speed is not None and (time - self._time) / period < world.decisions * world.samples + 1:
+            self._tasks["decision"] = min(self._decided + max(due, 1) - 1, world.decisions)
             self._update(time, rate, speed)
         self._look_after(time)
         if due and self.status.state != "over":
@@ -168,8 +172,8 @@ class Pilot:
     def _due(self, time: float) -> int:
         """Decisions that should have been taken by now and were not; half a sample early counts."""
         world = self.problem.scenario
-        elapsed = int((time - self._begun + 0.5 * world.sample_period) / world.decision_period)
-        return min(elapsed + 1, world.decisions + 1) - self._decided
+        elapsed = (time - self._begun + 0.5 * world.sample_period) / world.decision_period
+        return int(min(elapsed, world.decisions)) + 1 - self._decided
 
     def _update(self, time: float, rate: np.ndarray | None, speed: np.ndarray) -> None:
         """Give the filter what is there; across a gap it takes as many steps as samples are missing."""
@@ -182,10 +186,7 @@ class Pilot:
         if abs(dt - steps * period) < _SAME * period:
             dt = steps * period
         if steps > 1:
-            widen(self._beliefs[0], self.mission.satellite.wheels, dt)
-            alignment = self._beliefs[0]["alignment"]
-            if alignment["on"]:  # until they have left the means, readings from before the gap would stand in them
-                alignment["mixed"] = alignment["span"] + 1
+            kernels.cross_gap(self._beliefs, self._tasks, dt)
         self._beliefs["substeps"] = self._substeps * steps
         self._nis = float(kernels.take(self._readings, self._beliefs, self._tasks, self._work, dt, self._observation))
         self._beliefs["substeps"] = self._substeps

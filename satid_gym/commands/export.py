@@ -1,0 +1,67 @@
+"""Subcommand `satid export`: filter, policy and rate loop as C99 for a flight computer."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from satid_gym.files import check_writable
+from satid_gym.flightcode import write
+from satid_gym.flightcode.measure import measures
+from satid_gym.onboard.pilot import Pilot
+from satid_gym.problem import CONTROLS
+
+_EXAMPLES = """examples:
+  satid export --output flightcode
+  satid export --satellite sat.toml --policy rate_square --control rate --output flightcode --measure
+  make -C flightcode
+"""
+
+
+def add(parts: Any) -> None:
+    """Add the subcommand."""
+    own = parts.add_parser(
+        "export",
+        help="filter, policy and rate loop as C99",
+        description="Write C99 without allocation of what Pilot flies, with test vectors of a flight.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    own.add_argument("--satellite", default="microsat", help="name or file; default microsat")
+    own.add_argument(
+        "--policy",
+        default="generalist",
+        help="shipped policy, tuned baseline, path of a policy, or design.json of satid design; default generalist",
+    )
+    own.add_argument("--scenario", default="default", help="name or file")
+    own.add_argument("--estimator", help="name of the filter; default the scenario's")
+    own.add_argument("--control", choices=CONTROLS, default="torque", help="what actions are; default torque")
+    own.add_argument("--patience", type=float, help="s without gyro until no torque; default three decisions")
+    own.add_argument("--seed", type=int, default=0, help="of the test vectors' flight")
+    own.add_argument("--output", type=Path, default=Path("flightcode"), help="folder; default flightcode")
+    own.add_argument("--measure", action="store_true", help="compile it, and print sizes, operations and times")
+    own.set_defaults(run=run)
+
+
+def run(given: argparse.Namespace) -> int:
+    """Write the code, and say where it is.
+
+    Raises:
+        ValueError: a name or file is not valid, the policy has no C, or there is no compiler to measure with.
+    """
+    check_writable(given.output)
+    pilot = Pilot(
+        given.satellite,
+        given.policy,
+        scenario=given.scenario,
+        estimator=given.estimator,
+        control=given.control,
+        patience=given.patience,
+        seed=given.seed,
+    )
+    names = write(given.output, pilot)
+    print(f"written to {given.output}: {', '.join(names)}")
+    if given.measure:
+        print("\n".join(measures(given.output, pilot)))
+    return 0

@@ -1,0 +1,168 @@
+"""Source of a policy in C: which template flies it, with which numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib.resources import files
+
+import numpy as np
+
+from satid_gym.control.decoded_observation import PlantConstants
+from satid_gym.control.rate_loop import RateMargin
+from satid_gym.flightcode.c_types import number
+from satid_gym.flightcode.layout import lines_of
+from satid_gym.manoeuvres.policy import ManoeuvrePolicy
+from satid_gym.onboard.pilot import Pilot
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.open_loop_optimal import OpenLoopOptimalPolicy
+from satid_gym.policies.rate_square import RateSquarePolicy
+from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
+from satid_gym.policies.scripted import ScriptedPolicy
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
+
+_SCRIPTS = (ScriptedPolicy, OpenLoopOptimalPolicy, ManoeuvrePolicy, RandomPolicy, ZeroPolicy)
+_COUNTER = "    int32_t decision;"
+
+
+@dataclass(kw_only=True)
+class PolicySource:
+    """Files of a policy.
+
+    Attributes:
+        template: name of its source file.
+        numbers: macros of satid_policy.h by name, without SATID_.
+        state: lines of its struct.
+        files: texts of files of its own, by name.
+        constants: of the satellite, where its commands are brought to wheel torque once a decision.
+    """
+
+    template: str
+    numbers: dict[str, str] = field(default_factory=dict)
+    state: str = _COUNTER
+    files: dict[str, str] = field(default_factory=dict)
+    constants: PlantConstants | None = None
+
+    def texts(self) -> dict[str, str]:
+        """All files by name."""
+        lines = [f"#define SATID_{name} {value}" for name, value in self.numbers.items()]
+        own = {self.template: template(self.template), "satid_policy.h": _HEADER.format("\n".join(lines), self.state)}
+        if "COMMAND_IS_RATE" in self.numbers:
+            own["command.h"] = template("command.h")
+        if self.constants is not None:
+            own |= {name: template(name) for name in ("rate_loop.h", "rate_loop.c")}
+        return own | self.files
+
+
+_HEADER = """/* Policy: what it remembers, and its action for an observation. */
+#ifndef SATID_POLICY_H
+#define SATID_POLICY_H
+
+#include "satid_core.h"
+
+{}
+
+typedef struct {{
+{}
+}} satid_policy;
+
+void satid_policy_reset(satid_policy *policy);
+
+/* Action in [-1, 1]: torque of each wheel over its limit, or body rate over its limit. */
+void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERVATION], double action[SATID_ACTIONS]);
+
+#endif
+"""
+
+
+def template(name: str) -> str:
+    """Text of a file of the package."""
+    return files("satid_gym.flightcode").joinpath("c", name).read_text(encoding="utf-8")
+
+
+def policy_source(pilot: Pilot) -> PolicySource:
+    """Source of the policy that a pilot flies.
+
+    Raises:
+        ValueError: it plans, or is of a kind that has no C.
+    """
+    policy = pilot.policy
+    if isinstance(policy, LearnedPolicy):
+        return _learned(pilot, policy)
+    if isinstance(policy, RateSquarePolicy):
+        source = _commanding(pilot, PolicySource(template="policy_rate_square.c"), policy.margin)
+        source.numbers["PERIOD"] = number(policy.period)
+        return source
+    if isinstance(policy, ShapedSquarePolicy):
+        return _shaped(pilot, policy)
+    if isinstance(policy, _SCRIPTS):
+        return _script(pilot)
+    raise ValueError(
+        f"policy {policy.name} has no C: give a learned policy, rate_square, shaped_square or one with a script; those "
+        "that plan (greedy, mpc) take too long for a flight computer"
+    )
+
+
+def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySource:
+    """The source of a policy that commands body rates, with what turns these into actions."""
+    source.numbers["COMMAND_IS_RATE"] = "1"
+    if pilot.problem.control == "torque":
+        source.constants = PlantConstants.of([pilot.mission])
+        source.numbers["MARGIN"] = number(margin)
+    else:
+        shares = RateMargin([pilot.mission], margin)(np.zeros((1, 1)), np.ones((1, 3)))[0]
+        source.numbers["SHARES"] = _braces(shares)
+    return source
+
+
+def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
+    network = policy.network
+    sizes = [network.weights[0].shape[1], *(weight.shape[0] for weight in network.weights)]
+    text = "\n".join(
+        [
+            "/* Layers of the network: their sizes, and weights and biases one layer after another, row by row. */",
+            f"#define LAYERS {len(network.weights)}",
+            f"#define WIDEST {max(sizes)}",
+            f"#define ACTIVATION(x) {'tanh(x)' if network.activation == 'tanh' else 'fmax(x, 0.0)'}",
+            f"#define SQUASH(x) {'tanh(x)' if network.squashed else '(x)'}\n",
+            f"static const int SIZES[LAYERS + 1] = {{{', '.join(map(str, sizes))}}};",
+            _floats("WEIGHTS", np.concatenate([weight.ravel() for weight in network.weights])),
+            _floats("BIASES", np.concatenate(network.biases)),
+            "",
+        ]
+    )
+    source = PolicySource(template="policy_network.c", files={"network.h": text})
+    if policy.control == "rate":
+        return _commanding(pilot, source, policy.margin)
+    source.numbers["COMMAND_IS_RATE"] = "0"
+    return source
+
+
+def _shaped(pilot: Pilot, policy: ShapedSquarePolicy) -> PolicySource:
+    count = max(len(pilot.mission.satellite.modes), 1)
+    state = (
+        "    int32_t begun;\n    double phase[3], reference[3];\n"
+        f"    double nominal[{count}], size[{count}]; /* of each mode, by the data sheet */"
+    )
+    source = _commanding(pilot, PolicySource(template="policy_shaped_square.c", state=state), policy.margin)
+    for name in ("period", "share", "caution", "dwell", "amplitude"):
+        source.numbers[name.upper()] = number(getattr(policy, name))
+    source.numbers["MOMENTS"] = _braces(np.diag(pilot.mission.prior.inertia))
+    return source
+
+
+def _script(pilot: Pilot) -> PolicySource:
+    size = max(place.stop for place in pilot.problem.layout.values())
+    pilot.policy.reset(pilot.mission, [pilot.seed])
+    rows = [pilot.policy(np.zeros((1, size), np.float32))[0] for _ in range(pilot.problem.scenario.decisions)]
+    head = "/* Action of each decision. */\nstatic const double SCRIPT[SATID_DECISIONS][SATID_ACTIONS] = {\n"
+    body = "".join(f"    {_braces(row)},\n" for row in rows)
+    return PolicySource(template="policy_script.c", files={"script.h": f"{head}{body}}};\n"})
+
+
+def _braces(values: np.ndarray) -> str:
+    return "{" + ", ".join(number(float(value)) for value in values) + "}"
+
+
+def _floats(name: str, values: np.ndarray) -> str:
+    numbers = ", ".join(f"{number(float(str(value)))}f" for value in values)  # the shortest that reads as the same
+    return lines_of(f"static const float {name}[{len(values)}] = {{\n    {numbers}}};")
