@@ -56,7 +56,7 @@ def _law(plant: np.void) -> InertiaLaw:
     if mode == TABLE:
         count = int(plant["knots"])
         values = plant["knot_change"][:count][:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(count, 3, 3)
-        return InertiaLaw(TABLE, times=plant["knot_time"][:count].copy(), values=values)
+        return InertiaLaw("table", times=plant["knot_time"][:count].copy(), values=values)
     if mode in MASS_MODES:  # a mass at 1 m along the axis about which the change has no moment
         values, axes = np.linalg.eigh(change)
         place = axes[:, np.argmin(np.abs(values))]

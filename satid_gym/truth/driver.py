@@ -91,11 +91,11 @@ class TruthDriver:
         rows.tasks["over"] = 1
         answer = self.truth.advance(plant["motor_torque"].copy(), self._disturbance.copy(), period)
         state = self._taken("advance", answer)
-        rows.tasks["over"] = 0
         if state.attitude is None:
             kernels.turn(rows.plants, before, period)
         kernels.measure(rows)
         self._replace_readings(state)
+        rows.tasks["over"] = 0
 
     def _check_law(self, mode: str) -> None:
         if mode != "static" and not getattr(self.truth, "follows_law", False):

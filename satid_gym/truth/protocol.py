@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
 from satid_gym.laws import InertiaLaw
+from satid_gym.oscillators import oscillator_count
 from satid_gym.satellite import Satellite
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Episode:
-    """Episode as the environment has drawn it, for a truth to begin with.
+    """Episode as the environment has drawn it, for a truth to begin with; by default at rest.
 
     Vectors are in the body frame. A wheel spins about its axis, a column of `satellite.wheels.axes`, by its speed
     relative to the body.
@@ -33,14 +34,23 @@ class Episode:
     """
 
     satellite: Satellite
-    law: InertiaLaw
-    rate: np.ndarray
-    wheel_speed: np.ndarray
-    attitude: np.ndarray
-    deflection: np.ndarray
-    deflection_rate: np.ndarray
-    sample_period: float
-    seed: int
+    law: InertiaLaw = field(default_factory=lambda: InertiaLaw("static"))
+    rate: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    wheel_speed: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    attitude: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    deflection: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    deflection_rate: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sample_period: float = 0.1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, count in (
+            ("wheel_speed", self.satellite.wheels.count),
+            ("deflection", oscillator_count(self.satellite.oscillators)),
+            ("deflection_rate", oscillator_count(self.satellite.oscillators)),
+        ):
+            if len(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.zeros(count))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
