@@ -1,0 +1,186 @@
+"""Flights on Basilisk's truth beside the environment's own: `python -m baselines.studies.basilisk`.
+
+Flies shipped policies and baselines on both truths, in the same episodes with the same noise, and prints final error,
+NEES and share of the time outside the rate limits of each. Cells that were flown are kept in the output file: stopped,
+the same command goes on. It needs `pip install ".[basilisk]"`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.command import cli
+from baselines.command.provenance import result_head
+from baselines.scenarios.rate_loops import EFFECTS
+from baselines.studies.worlds import WORLDS, World, policy_for
+from satid_gym.basilisk import BasiliskTruth, Imbalance
+from satid_gym.config import check_integer, check_names
+from satid_gym.evaluation import fly, seeds
+from satid_gym.files import check_writable, read_json, write_json
+from satid_gym.policies import find, make_baseline, names
+from satid_gym.policy import Policy, only_mission, observation_settings
+from satid_gym.problem import problem
+from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario import Scenario
+
+SCORES = ("final_error", "nees", "outside_fraction", "terminated")
+_SATELLITE = "microsat"
+_RATES = ("shaped_square",)  # policies that command body rates
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """World that both truths have, and what Basilisk has beside it.
+
+    Attributes:
+        world: of the environment; of its satellites the microsat flies.
+        truth: settings of `BasiliskTruth`; its step resolves friction at rest, and the turns of an unbalanced wheel.
+    """
+
+    world: World
+    truth: Mapping[str, Any] = field(default_factory=dict)
+
+
+ROWS: Mapping[str, Row] = {
+    "rigid": Row(world=WORLDS["as nominal"]),
+    "four skewed wheels, full tensor": Row(world=EFFECTS["pyramid, full tensor"]),
+    "friction 10 of 100 mN m": Row(world=WORLDS["friction 10 of 100 mN m"], truth={"step": 0.005}),
+    "imbalance of the wheels": Row(world=WORLDS["as nominal"], truth={"step": 0.001, "imbalance": Imbalance()}),
+    "panels 2 %, 0.35 Hz": Row(world=WORLDS["panels 2 %, 0.35 Hz"]),
+    "slosh 3 %, 0.05 Hz": Row(world=WORLDS["slosh 3 %, 0.05 Hz"]),
+    "wheel axes 5 mrad": Row(world=WORLDS["wheel axes 5 mrad"]),
+    "gyro bias 1e-4 rad/s": Row(world=WORLDS["gyro bias 1e-4 rad/s"]),
+    "gyro scale 1 %": Row(world=WORLDS["gyro scale 1 %"]),
+    "all small errors": Row(world=WORLDS["all small errors"]),
+}
+"""What is flown, by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasiliskStudy:
+    """Settings of the study."""
+
+    rows: tuple[str, ...] = tuple(ROWS)
+    """Worlds to fly in."""
+    policies: tuple[str, ...] = ("generalist", "ppo", "rate_square", "shaped_square", "sawtooth")
+    """Shipped policies and baselines; of the paper's eight profiles sawtooth is the best within the envelope here."""
+    episodes: int = 20
+    """Episodes of a cell, validation seeds."""
+    output: Path = Path("results/basilisk.json")
+    """File to write."""
+
+    def check(self) -> None:
+        """Check the settings before any work.
+
+        Raises:
+            ValueError: a name is unknown or a number is out of range.
+        """
+        check_names("row", self.rows, ROWS)
+        check_integer("episodes", self.episodes)
+        for name in self.policies:
+            _policy(name, SATELLITES[_SATELLITE], Scenario())
+
+
+def _satellite(world: World) -> Satellite:
+    own = {satellite.name: satellite for satellite in world.satellites} or SATELLITES
+    return own[_SATELLITE]
+
+
+def _policy(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
+    if name in names():
+        return find(name)
+    return make_baseline(name, satellite.name) if name in _RATES else policy_for(name, satellite, scenario)
+
+
+def _flies(policy: Policy, settings: Mapping[str, Any]) -> bool:
+    """Whether a policy takes the observations of a world: learned ones take those of three wheels and nine states."""
+    try:
+        policy.reset(only_mission(problem(**settings, **observation_settings(policy))), [0])
+    except ValueError:
+        return False
+    return True
+
+
+def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
+    """Scores of one policy in one world, mean over episodes, on both truths; None where it cannot fly there."""
+    world, satellite = ROWS[row].world, _satellite(ROWS[row].world)
+    scenario = Scenario(**world.scenario)
+    policy = _policy(name, satellite, scenario)
+    settings = {
+        "satellite": satellite,
+        "inertia": "static",
+        "scenario": scenario,
+        "control": "rate" if name in _RATES else "torque",
+    }
+    found: dict[str, Any] = {"row": row, "policy": name, "own": None, "basilisk": None, "flights_apart": None}
+    if not _flies(policy, settings):
+        return found
+    chosen = seeds("validation", study.episodes)
+    own = fly(policy, seeds=chosen, **settings).scores()
+    theirs = fly(policy, seeds=chosen, truth=partial(BasiliskTruth, **ROWS[row].truth), **settings).scores()
+    for truth, scores in (("own", own), ("basilisk", theirs)):
+        found[truth] = {score: float(scores[score].mean()) for score in SCORES}
+    apart = np.abs(theirs["final_error"] / own["final_error"] - 1.0)
+    return {**found, "flights_apart": {"median": float(np.median(apart)), "largest": float(apart.max())}}
+
+
+def kept(study: BasiliskStudy, head: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Cells of an earlier run of the same revision and number of episodes."""
+    if not study.output.exists():
+        return []
+    earlier = read_json(study.output, "remove it", keys=("cells", "revision", "settings"))
+    same = earlier["revision"] == head["revision"] and earlier["settings"]["episodes"] == study.episodes
+    return earlier["cells"] if same else []
+
+
+def show(cells: list[dict[str, Any]]) -> None:
+    """Print one line for each row and policy: final error, NEES and time outside on both truths."""
+    heads = "".join(f"{name:>24s}" for name in ("final error, %", "NEES", "outside, %"))
+    print(f"{'row':32s} {'policy':14s}{heads}   on Basilisk / on the environment's own truth")
+    for one in cells:
+        line = f"{one['row']:32s} {one['policy']:14s}"
+        if one["own"] is None:
+            print(line + "    does not take these observations")
+            continue
+        for score, factor, pattern in (
+            ("final_error", 100, ".5f"),
+            ("nees", 1, ".3f"),
+            ("outside_fraction", 100, ".2f"),
+        ):
+            pair = (f"{factor * one[truth][score]:{pattern}}" for truth in ("basilisk", "own"))
+            line += f"{' / '.join(pair):>24s}"
+        print(line)
+
+
+@cli.on_interrupt("the cells flown so far are in the output file; the same command goes on")
+def main(study: BasiliskStudy) -> int:
+    """Fly the study of the command line; returns the exit code."""
+    check_writable(study.output.parent)
+    used = seeds("validation", study.episodes)
+    head = result_head(
+        "baselines.studies.basilisk", study, split="validation", seeds=used, packages=("satid-gym", "numpy", "bsk")
+    )
+    wanted = [(row, name) for row in study.rows for name in study.policies]
+    done = {(one["row"], one["policy"]): one for one in kept(study, head)}
+    bar = tqdm(total=len(wanted), initial=len(done.keys() & set(wanted)), desc="basilisk", unit="cell")
+    for own in wanted:
+        if own not in done:
+            done[own] = cell(study, *own)
+            write_json(study.output, {**head, "cells": list(done.values())})
+            bar.update()
+    bar.close()
+    cells = [done[own] for own in wanted]
+    write_json(study.output, {**head, "cells": cells})
+    show(cells)
+    return 0
+
+
+if __name__ == "__main__":
+    cli.run(main)
