@@ -25,7 +25,7 @@ from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, read_json, write_json
 from satid_gym.policies import find, make_baseline, names
-from satid_gym.policy import Policy, only_mission, observation_settings
+from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
