@@ -7,8 +7,8 @@ the same command goes on. It needs `pip install ".[basilisk]"`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.scenarios.rate_loops import EFFECTS
 from baselines.studies.worlds import WORLDS, World, policy_for
-from satid_gym.basilisk import BasiliskTruth, Imbalance
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, read_json, write_json
@@ -29,6 +28,7 @@ from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
+from satid_gym.truth import Truth
 
 SCORES = ("final_error", "nees", "outside_fraction", "terminated")
 _SATELLITE = "microsat"
@@ -41,18 +41,20 @@ class Row:
 
     Attributes:
         world: of the environment; of its satellites the microsat flies.
-        truth: settings of `BasiliskTruth`; its step resolves friction at rest, and the turns of an unbalanced wheel.
+        step: s, of Basilisk; short where it must resolve friction at rest, or the turns of an unbalanced wheel.
+        imbalance: whether Basilisk's wheels are unbalanced; the environment's never are.
     """
 
     world: World
-    truth: Mapping[str, Any] = field(default_factory=dict)
+    step: float = 0.02
+    imbalance: bool = False
 
 
 ROWS: Mapping[str, Row] = {
     "rigid": Row(world=WORLDS["as nominal"]),
     "four skewed wheels, full tensor": Row(world=EFFECTS["pyramid, full tensor"]),
-    "friction 10 of 100 mN m": Row(world=WORLDS["friction 10 of 100 mN m"], truth={"step": 0.005}),
-    "imbalance of the wheels": Row(world=WORLDS["as nominal"], truth={"step": 0.001, "imbalance": Imbalance()}),
+    "friction 10 of 100 mN m": Row(world=WORLDS["friction 10 of 100 mN m"], step=0.005),
+    "imbalance of the wheels": Row(world=WORLDS["as nominal"], step=0.001, imbalance=True),
     "panels 2 %, 0.35 Hz": Row(world=WORLDS["panels 2 %, 0.35 Hz"]),
     "slosh 3 %, 0.05 Hz": Row(world=WORLDS["slosh 3 %, 0.05 Hz"]),
     "wheel axes 5 mrad": Row(world=WORLDS["wheel axes 5 mrad"]),
@@ -99,6 +101,19 @@ def _policy(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
     return make_baseline(name, satellite.name) if name in _RATES else policy_for(name, satellite, scenario)
 
 
+def _truth(row: Row) -> Callable[[], Truth]:
+    """Maker of Basilisk's truth for a row.
+
+    Raises:
+        UserError: Basilisk is not installed.
+    """
+    try:
+        from satid_gym.basilisk import BasiliskTruth, Imbalance
+    except ModuleNotFoundError as error:
+        raise cli.UserError(f'{error}: pip install ".[basilisk]", or make test-basilisk') from error
+    return partial(BasiliskTruth, step=row.step, imbalance=Imbalance() if row.imbalance else None)
+
+
 def _flies(policy: Policy, settings: Mapping[str, Any]) -> bool:
     """Whether a policy takes the observations of a world: learned ones take those of three wheels and nine states."""
     try:
@@ -124,7 +139,7 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
         return found
     chosen = seeds("validation", study.episodes)
     own = fly(policy, seeds=chosen, **settings).scores()
-    theirs = fly(policy, seeds=chosen, truth=partial(BasiliskTruth, **ROWS[row].truth), **settings).scores()
+    theirs = fly(policy, seeds=chosen, truth=_truth(ROWS[row]), **settings).scores()
     for truth, scores in (("own", own), ("basilisk", theirs)):
         found[truth] = {score: float(scores[score].mean()) for score in SCORES}
     apart = np.abs(theirs["final_error"] / own["final_error"] - 1.0)
