@@ -24,12 +24,15 @@ from satid_gym import (
 )
 from satid_gym.core import kernels
 from satid_gym.estimators import AdaptiveEKF
+from satid_gym.fleet import Fleet
 from satid_gym.friction import WheelFriction
 from satid_gym.oscillators import Oscillator, Panel
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.problem import problem
 from satid_gym.scenario import prior_of
 from satid_gym.truth import Episode
+from satid_gym.truth.kernels import draw
 from tests.flexible import BOOM, PANELS, TANK
 
 try:
@@ -215,9 +218,10 @@ def test_readings_are_those_of_basilisks_sensors():
         gravity_gradient=False,
         estimator="momentum",
     )
-    env = SatInertiaIDEnv("microsat", "static", quiet)
-    env.reset(seed=0)
-    plant, generator = env.fleet.rows.plants[0], np.random.default_rng(0)
+    fleet = Fleet(problem("microsat", "static", quiet), 1)
+    fleet.rows.plants["stream"][0] = 1, 2, 3, 4
+    draw(fleet.rows, fleet.templates.records)
+    plant, generator = fleet.rows.plants[0], np.random.default_rng(0)
     wheels = SATELLITES["microsat"].wheels.replace(axes=plant["axes"], inertia=plant["wheel_inertia"])
     theirs = Measured(records=True)
     theirs.begin(
@@ -227,8 +231,8 @@ def test_readings_are_those_of_basilisks_sensors():
     ours, angles, bent, counts = [], [], [], np.zeros((2, 3))
     for k in range(200):
         if k % 5 == 0:
-            env.fleet.work["torque"][0] = torque = generator.uniform(-0.1, 0.1, 3)
-        kernels.sample(env.fleet.rows, env.fleet.work)
+            fleet.work["torque"][0] = torque = generator.uniform(-0.1, 0.1, 3)
+        kernels.sample(fleet.rows, fleet.work)
         theirs.push_on(torque)
         body, wheels = theirs.turned()
         ours.append(plant["gyro"] * PERIOD)

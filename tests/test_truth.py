@@ -15,6 +15,7 @@ from satid_gym.plants import law_inertia, new_plant
 from satid_gym.problem import problem
 from satid_gym.truth import State
 from satid_gym.truth.drawn import drawn_episode
+from satid_gym.truth.kernels import draw
 from tests.cases import cases
 
 SEED = 11
@@ -238,27 +239,30 @@ def test_the_vector_environment_says_that_it_has_its_own_truth():
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("inertia", [*INERTIA_MODES, *MASS_MODES])
-def test_the_law_that_a_truth_is_told_is_the_one_that_was_drawn(inertia):
-    fleet = Fleet(problem("microsat", inertia), 1)
+def drawn(*settings, **others):
+    """Rows with a drawn episode."""
+    fleet = Fleet(problem(*settings, **others), 1)
     fleet.rows.plants["stream"][0] = 1, 2, 3, 4
-    fleet.begin()
+    assert draw(fleet.rows, fleet.templates.records)
+    return fleet
+
+
+@cases("inertia", [*INERTIA_MODES, *MASS_MODES])
+def test_the_law_that_a_truth_is_told_is_the_one_that_was_drawn(inertia):
+    fleet = drawn("microsat", inertia)
     plant, times = fleet.rows.plants[0], np.linspace(0.0, 300.0, 61)
     episode = drawn_episode(fleet.problem.satellites[0], plant, 0.1)
     assert episode.law.mode == inertia
-    drawn = np.empty((len(times), 3, 3))
-    kernels.law_inertia(fleet.rows.plants.copy(), times, drawn)
-    assert inertia == "static" or np.ptp(drawn[:, 0, 0]) > 0.0
-    np.testing.assert_allclose(
-        law_inertia(episode.law, episode.satellite.inertia, times), drawn, rtol=1e-12, atol=1e-12
-    )
+    expected = np.empty((len(times), 3, 3))
+    kernels.law_inertia(fleet.rows.plants.copy(), times, expected)
+    assert inertia == "static" or np.ptp(expected[:, 0, 0]) > 0.0
+    told = law_inertia(episode.law, episode.satellite.inertia, times)
+    np.testing.assert_allclose(told, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_the_satellite_that_a_truth_is_told_has_the_drawn_oscillators_and_wheels():
     tolerances = {"wheel_inertia": 1e-2, "wheel_alignment": 5e-3}
-    fleet = Fleet(problem("microsat", "static", {"base": "flex", "tolerances": tolerances}, control="rate"), 1)
-    fleet.rows.plants["stream"][0] = 1, 2, 3, 4
-    fleet.begin()
+    fleet = drawn("microsat", "static", {"base": "flex", "tolerances": tolerances})
     plant = fleet.rows.plants[0]
     built = drawn_episode(fleet.problem.satellites[int(fleet.rows.tasks["template"][0])], plant, 0.1).satellite
     (told,) = new_plant(built)
