@@ -334,12 +334,15 @@ simulator does, or its module:name |
 
         Raises:
             gymnasium.error.ResetNeeded: no episode was started.
+            ValueError: a truth of your own does not tell its inertia.
         """
         if self.render_mode is None:
             gymnasium.logger.warn('render() shows nothing without a render mode; make it with render_mode="rgb_array"')
             return None
         if self._history is None:
             raise gymnasium.error.ResetNeeded("there is nothing to show yet: call reset() before render()")
+        if np.isnan(self._history.truth).any():
+            raise ValueError("a picture shows the true inertia, and this truth does not tell it: leave out render_mode")
         from satid_gym.rendering import draw
 
         return draw(self._history, self.render_size)

@@ -3,7 +3,9 @@
 A lane of its own: `make test-basilisk` installs Basilisk and runs it.
 """
 
+import json
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from baselines.studies import basilisk as study
 from satid_gym import (
     SATELLITES,
     Pilot,
@@ -448,6 +451,18 @@ def test_basilisk_in_the_loop():
     assert left["truncated"]
     assert left["info"]["relative_error"] < 1e-3
     assert left["error"] < 1e-3
+
+
+def test_a_study_that_was_stopped_goes_on_with_the_cells_it_has(tmp_path, monkeypatch):
+    asked = study.BasiliskStudy(rows=("rigid",), policies=("sawtooth",), episodes=2, output=tmp_path / "found.json")
+    study.main(asked)
+    (cell,) = json.loads(asked.output.read_text())["cells"]
+    for score in ("final_error", "nees"):
+        assert cell["basilisk"][score] == pytest.approx(cell["own"][score], rel=1e-3)
+    monkeypatch.setattr(study, "cell", lambda _, row, policy: {"row": row, "policy": policy, "own": None})
+    study.main(replace(asked, policies=("sawtooth", "generalist")))
+    kept, _ = json.loads(asked.output.read_text())["cells"]
+    assert kept == cell
 
 
 def example(name):

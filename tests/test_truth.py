@@ -9,9 +9,11 @@ from scipy.integrate import solve_ivp
 from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.core import kernels
 from satid_gym.estimators import AdaptiveEKF
+from satid_gym.evaluation import fly
 from satid_gym.fleet import Fleet
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw
 from satid_gym.plants import law_inertia, new_plant
+from satid_gym.policies import build
 from satid_gym.problem import problem
 from satid_gym.truth import State
 from satid_gym.truth.drawn import drawn_episode
@@ -124,6 +126,15 @@ def test_an_episode_on_another_integrator_is_that_on_the_environments_own(settin
     assert_same(ours, theirs)
 
 
+def test_a_policy_flies_episodes_side_by_side_each_on_a_truth_of_its_own():
+    settings = {"satellite": "microsat", "inertia": "static", "scenario": {"horizon": 20.0}, "seeds": [SEED, SEED + 1]}
+    policy = build("multi_step", {"amplitude": 0.05})
+    ours, theirs = fly(policy, **settings), fly(policy, **settings, truth=Euler)
+    assert ours.error.shape == (20, 2)
+    for series in ("error", "outside", "nees", "information", "effort", "reward", "saturated", "alive"):
+        np.testing.assert_allclose(getattr(theirs, series), getattr(ours, series), rtol=1e-5, atol=1e-9, err_msg=series)
+
+
 def test_attitude_is_integrated_where_the_truth_has_none():
     ours, theirs = (flown(inertia="static", truth=truth) for truth in (Euler(), Answers(attitude=None)))
     assert_same(ours, theirs, within=1e-5)
@@ -138,6 +149,16 @@ def test_what_is_unknown_of_the_inertia_is_not_invented():
         assert reward == other_reward
         assert np.isnan([other_info["relative_error"], other_info["nees"], *other_info["inertia_true"].ravel()]).all()
         np.testing.assert_array_equal(info["inertia_estimate"], other_info["inertia_estimate"])
+
+
+def test_a_picture_needs_an_inertia():
+    for truth, world in ((Euler(), {}), (Answers(inertia=None), {"gravity_gradient": False})):
+        env = SatInertiaIDEnv("microsat", "static", world, truth=truth, render_mode="rgb_array")
+        env.reset(seed=0)
+        assert env.render().shape == (480, 480, 3)
+        env.step(np.zeros(3))
+    with pytest.raises(ValueError, match="does not tell"):
+        env.render()
 
 
 def test_readings_of_the_truths_own_are_those_that_the_filter_is_given():
