@@ -20,7 +20,7 @@ from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.scenarios.rate_loops import EFFECTS
 from baselines.studies.worlds import WORLDS, World, policy_for
-from satid_gym.config import check_integer, check_names
+from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, read_json, write_json
 from satid_gym.policies import find, make_baseline, names
@@ -75,6 +75,8 @@ class BasiliskStudy:
     """Shipped policies and baselines; of the paper's eight profiles sawtooth is the best within the envelope here."""
     episodes: int = 20
     """Episodes of a cell, validation seeds."""
+    step: float | None = None
+    """Of Basilisk in every row, s; None: the row's own."""
     output: Path = Path("results/basilisk.json")
     """File to write."""
 
@@ -86,6 +88,8 @@ class BasiliskStudy:
         """
         check_names("row", self.rows, ROWS)
         check_integer("episodes", self.episodes)
+        if self.step is not None:
+            check_number("step", self.step, strict=True)
         for name in self.policies:
             _policy(name, SATELLITES[_SATELLITE], Scenario())
 
@@ -101,8 +105,8 @@ def _policy(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
     return make_baseline(name, satellite.name) if name in _RATES else policy_for(name, satellite, scenario)
 
 
-def _truth(row: Row) -> Callable[[], Truth]:
-    """Maker of Basilisk's truth for a row.
+def _truth(row: Row, step: float | None) -> Callable[[], Truth]:
+    """Maker of Basilisk's truth for a row, with a step of its own or this one.
 
     Raises:
         UserError: Basilisk is not installed.
@@ -111,7 +115,7 @@ def _truth(row: Row) -> Callable[[], Truth]:
         from satid_gym.basilisk import BasiliskTruth, Imbalance
     except ModuleNotFoundError as error:
         raise cli.UserError(f'{error}: pip install ".[basilisk]", or make test-basilisk') from error
-    return partial(BasiliskTruth, step=row.step, imbalance=Imbalance() if row.imbalance else None)
+    return partial(BasiliskTruth, step=step or row.step, imbalance=Imbalance() if row.imbalance else None)
 
 
 def _flies(policy: Policy, settings: Mapping[str, Any]) -> bool:
@@ -139,7 +143,7 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
         return found
     chosen = seeds("validation", study.episodes)
     own = fly(policy, seeds=chosen, **settings).scores()
-    theirs = fly(policy, seeds=chosen, truth=_truth(ROWS[row]), **settings).scores()
+    theirs = fly(policy, seeds=chosen, truth=_truth(ROWS[row], study.step), **settings).scores()
     for truth, scores in (("own", own), ("basilisk", theirs)):
         found[truth] = {score: float(scores[score].mean()) for score in SCORES}
     apart = np.abs(theirs["final_error"] / own["final_error"] - 1.0)
@@ -147,11 +151,12 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
 
 
 def kept(study: BasiliskStudy, head: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Cells of an earlier run of the same revision and number of episodes."""
+    """Cells of an earlier run of the same revision, number of episodes and step."""
     if not study.output.exists():
         return []
     earlier = read_json(study.output, "remove it", keys=("cells", "revision", "settings"))
-    same = earlier["revision"] == head["revision"] and earlier["settings"]["episodes"] == study.episodes
+    same = earlier["revision"] == head["revision"]
+    same = same and all(earlier["settings"][name] == getattr(study, name) for name in ("episodes", "step"))
     return earlier["cells"] if same else []
 
 
