@@ -124,6 +124,9 @@ def fly(
         seeds: one per episode.
         num_threads: see `SatInertiaIDVectorEnv`.
         truth: class or function that makes a truth for each episode, or its module:name; None: the environment's own.
+
+    Raises:
+        ValueError: the policy cannot fly there, a name or value is not valid, or episodes would share a truth.
     """
     settings = {
         "satellite": satellite,
@@ -139,7 +142,10 @@ def fly(
         env = own = SatInertiaIDVectorEnv(len(seeds), num_threads=num_threads, **settings)
         posed = own.problem
     else:
-        singles = [SatInertiaIDEnv(truth=truth_of(truth), **settings) for _ in seeds]
+        truths = [truth_of(truth) for _ in seeds]
+        if len(set(map(id, truths))) < len(truths):
+            raise ValueError("truth must be a class or a function that makes one for each episode, got a single object")
+        singles = [SatInertiaIDEnv(truth=own_truth, **settings) for own_truth in truths]
         env, posed = SyncVectorEnv([partial(_same, single) for single in singles]), singles[0].problem
     world = posed.scenario
     mission = only_mission(posed)

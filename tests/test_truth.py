@@ -130,6 +130,8 @@ def test_a_policy_flies_episodes_side_by_side_each_on_a_truth_of_its_own():
     settings = {"satellite": "microsat", "inertia": "static", "scenario": {"horizon": 20.0}, "seeds": [SEED, SEED + 1]}
     policy = build("multi_step", {"amplitude": 0.05})
     ours, theirs = fly(policy, **settings), fly(policy, **settings, truth=Euler)
+    with pytest.raises(ValueError, match="one for each episode"):
+        fly(policy, **settings, truth=Euler())
     assert ours.error.shape == (20, 2)
     for series in ("error", "outside", "nees", "information", "effort", "reward", "saturated", "alive"):
         np.testing.assert_allclose(getattr(theirs, series), getattr(ours, series), rtol=1e-5, atol=1e-9, err_msg=series)
