@@ -129,7 +129,7 @@ def _flies(policy: Policy, settings: Mapping[str, Any]) -> bool:
 
 def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
     """Scores of one policy in one world, mean over episodes, on both truths; None where it cannot fly there."""
-    world, satellite = ROWS[row].world, _satellite(ROWS[row].world)
+    truth, world, satellite = _truth(ROWS[row], study.step), ROWS[row].world, _satellite(ROWS[row].world)
     scenario = Scenario(**world.scenario)
     policy = _policy(name, satellite, scenario)
     settings = {
@@ -143,9 +143,9 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
         return found
     chosen = seeds("validation", study.episodes)
     own = fly(policy, seeds=chosen, **settings).scores()
-    theirs = fly(policy, seeds=chosen, truth=_truth(ROWS[row], study.step), **settings).scores()
-    for truth, scores in (("own", own), ("basilisk", theirs)):
-        found[truth] = {score: float(scores[score].mean()) for score in SCORES}
+    theirs = fly(policy, seeds=chosen, truth=truth, **settings).scores()
+    for where, scores in (("own", own), ("basilisk", theirs)):
+        found[where] = {score: float(scores[score].mean()) for score in SCORES}
     apart = np.abs(theirs["final_error"] / own["final_error"] - 1.0)
     return {**found, "flights_apart": {"median": float(np.median(apart)), "largest": float(apart.max())}}
 
