@@ -32,7 +32,7 @@ test-slow: setup  ## the long lane: kills, browser, training, harnesses, long st
 
 test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (it caps versions of its own)
 	test -x .venv-basilisk/bin/python || $(PYTHON) -m venv .venv-basilisk
-	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-xdist)=" constraints.txt > .venv-basilisk/constraints.txt
+	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-xdist|tyro)=" constraints.txt > .venv-basilisk/constraints.txt
 	.venv-basilisk/bin/python -m pip install --quiet --constraint .venv-basilisk/constraints.txt --editable ".[basilisk]"
 	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
 

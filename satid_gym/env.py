@@ -20,6 +20,9 @@ from satid_gym.resolution import InertiaLike, SatelliteLike, ScenarioLike
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import prior_of
+from satid_gym.truth.choice import truth_of
+from satid_gym.truth.driver import TruthDriver
+from satid_gym.truth.protocol import Truth
 
 if TYPE_CHECKING:
     from satid_gym.rendering import History
@@ -192,6 +195,8 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
     | include_covariance | False | whether the filter's whole covariance is observed |
     | control | "torque" | what an action is: "torque" of each wheel, or the body "rate" that the rate loop flies |
     | observation | "wheels" | "wheels" one by one, or "body": what they do to the body, NIS and modes |
+    | truth | None | None: the environment's own truth; or an object that follows `satid_gym.truth.Truth`, as another \
+simulator does, or its module:name |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
 
@@ -218,6 +223,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         include_covariance: bool = False,
         control: str = "torque",
         observation: Form = "wheels",
+        truth: str | Truth | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown_name("render mode", render_mode, self.metadata["render_modes"])
@@ -240,7 +246,9 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         )
         self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)
-        self._plugin = PluginFilter(estimator, self.fleet) if is_estimator(estimator) else None
+        self._truth = None if truth is None else TruthDriver(truth_of(truth), self.fleet)
+        sample = None if self._truth is None else self._truth.sample
+        self._plugin = PluginFilter(estimator, self.fleet, sample) if is_estimator(estimator) else None
 
     @property
     def layout(self) -> dict[str, slice]:
@@ -261,7 +269,8 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
             Observation and info.
 
         Raises:
-            ValueError: an option is unknown or not valid; the episode under way goes on.
+            ValueError: an option is unknown or not valid; the episode under way goes on. Or a truth refuses the
+                episode.
         """
         templates = option_templates(self.problem, options) if options else self.fleet.templates
         first = self._np_random is None
@@ -269,7 +278,10 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         rows = self.fleet.rows
         if first or seed is not None:
             rows.plants["stream"][0] = seed_stream(self.np_random)
-        self.fleet.begin(templates=templates.records)
+        if self._truth is None:
+            self.fleet.begin(templates=templates.records)
+        else:
+            self._truth.begin(templates)
         satellite = templates.satellites[int(rows.tasks["template"][0])]
         if self._plugin is not None:
             self._plugin.start(prior_of(satellite, self.problem.scenario, self.problem.parameters))
@@ -290,6 +302,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
             ValueError: the action is not finite or has another shape; nothing has changed.
             gymnasium.error.ResetNeeded: the episode is over or was never started.
             FloatingPointError: the filter broke down.
+            ValueError: what a truth of your own answers is not valid; the episode is over.
         """
         action = real_action("action", action)
         if action.shape != self.action_space.shape:
@@ -299,10 +312,12 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
         rows = self.fleet.rows
         if rows.tasks["over"][0]:
             raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
-        if self._plugin is None:
-            self.fleet.step(action[None])
-        else:
+        if self._plugin is not None:
             self._plugin.decide(action)
+        elif self._truth is not None:
+            self._truth.decide(action)
+        else:
+            self.fleet.step(action[None])
         report = rows.reports[0]
         if self._history is not None:
             self._history.note(rows.plants[0], rows.beliefs[0], report)
@@ -319,12 +334,15 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
 
         Raises:
             gymnasium.error.ResetNeeded: no episode was started.
+            ValueError: a truth of your own does not tell its inertia.
         """
         if self.render_mode is None:
             gymnasium.logger.warn('render() shows nothing without a render mode; make it with render_mode="rgb_array"')
             return None
         if self._history is None:
             raise gymnasium.error.ResetNeeded("there is nothing to show yet: call reset() before render()")
+        if np.isnan(self._history.truth).any():
+            raise ValueError("a picture shows the true inertia, and this truth does not tell it: leave out render_mode")
         from satid_gym.rendering import draw
 
         return draw(self._history, self.render_size)

@@ -5,14 +5,17 @@ All policies of a cell fly the same episodes: the same seed gives the same truth
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from satid_gym import metrics
 from satid_gym.config import check_integer, unknown_name
+from satid_gym.env import SatInertiaIDEnv
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.laws import InertiaLaw
@@ -21,6 +24,8 @@ from satid_gym.resolution import InertiaLike, ScenarioLike, resolve_inertia, res
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
+from satid_gym.truth import Truth
+from satid_gym.truth.choice import truth_of
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 Split = Literal["training", "tuning", "validation", "test"]
@@ -109,6 +114,7 @@ def fly(
     reward: str | Mapping[str, Any] | RewardSettings | None = None,
     control: str = "torque",
     num_threads: int | None = None,
+    truth: str | Callable[[], Truth] | None = None,
 ) -> Flight:
     """Time series of one policy in the episodes of one cell, flown in parallel.
 
@@ -117,20 +123,32 @@ def fly(
         satellite, inertia, scenario, estimator, reward, control: as for the environment.
         seeds: one per episode.
         num_threads: see `SatInertiaIDVectorEnv`.
+        truth: class or function that makes a truth for each episode, or its module:name; None: the environment's own.
+
+    Raises:
+        ValueError: the policy cannot fly there, a name or value is not valid, or episodes would share a truth.
     """
-    env = SatInertiaIDVectorEnv(
-        len(seeds),
-        satellite,
-        inertia,
-        scenario,
-        estimator,
-        reward,
-        num_threads=num_threads,
-        control=control,
+    settings = {
+        "satellite": satellite,
+        "inertia": inertia,
+        "scenario": scenario,
+        "estimator": estimator,
+        "reward": reward,
+        "control": control,
         **observation_settings(policy),
-    )
-    world = env.problem.scenario
-    mission = only_mission(env.problem)
+    }
+    env: VectorEnv[np.ndarray, np.ndarray, np.ndarray]
+    if truth is None:
+        env = own = SatInertiaIDVectorEnv(len(seeds), num_threads=num_threads, **settings)
+        posed = own.problem
+    else:
+        truths = [truth_of(truth) for _ in seeds]
+        if len(set(map(id, truths))) < len(truths):
+            raise ValueError("truth must be a class or a function that makes one for each episode, got a single object")
+        singles = [SatInertiaIDEnv(truth=own_truth, **settings) for own_truth in truths]
+        env, posed = SyncVectorEnv([partial(_same, single) for single in singles]), singles[0].problem
+    world = posed.scenario
+    mission = only_mission(posed)
     policy.reset(mission, seeds)
     observation, _ = env.reset(seed=list(seeds))
     decisions, count = world.decisions, len(seeds)
@@ -151,6 +169,10 @@ def fly(
     env.close()
     time = world.decision_period * np.arange(1, decisions + 1)
     return Flight(time=time, alive=alive[:-1], step_time=_step_time(inertia, world), **series)
+
+
+def _same(env: SatInertiaIDEnv) -> SatInertiaIDEnv:
+    return env
 
 
 def _step_time(inertia: InertiaLike, scenario: Scenario) -> float | None:

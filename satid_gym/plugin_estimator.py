@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -88,10 +89,11 @@ class PluginFilter:
     Args:
         estimator: the user's.
         fleet: of the environment.
+        sample: what moves the truth on by a sample and reads the sensors; None: the core.
     """
 
-    def __init__(self, estimator: Estimator, fleet: Fleet) -> None:
-        self.estimator, self._fleet = estimator, fleet
+    def __init__(self, estimator: Estimator, fleet: Fleet, sample: Callable[[], None] | None = None) -> None:
+        self.estimator, self._fleet, self._sample = estimator, fleet, sample
 
     def start(self, prior: FilterPrior) -> None:
         """Take the first readings of an episode.
@@ -121,7 +123,10 @@ class PluginFilter:
             kernels.steer(rows, work)
             if hasattr(self.estimator, "command"):
                 self.estimator.command(work["torque"][0].copy())
-            kernels.sample(rows, work)
+            if self._sample is None:
+                kernels.sample(rows, work)
+            else:
+                self._sample()
             if isinstance(self.estimator, CompiledEKF):
                 kernels.announce(rows, self.estimator.records)
             gyro, wheel_speed = plant["gyro"].copy(), plant["tachometer"].copy()

@@ -77,6 +77,18 @@ def unknown(kind: str, text: object, names: Any) -> ValueError:
     return ValueError(f"{unknown_name(kind, text, names)} {SOURCE_HINT[0].upper()}{SOURCE_HINT[1:]}.")
 
 
+def imported(text: str) -> Any:
+    """What `module:name` names; the module's code is run.
+
+    Raises:
+        ValueError: the text is not of this form, or the module or name does not exist.
+    """
+    inside = _IN_MODULE.fullmatch(text)
+    if inside is None:
+        raise ValueError(f"expected module:name, got {text!r}")
+    return _imported(inside[1], inside[2])
+
+
 def _imported(module: str, name: str) -> Any:
     """Attribute of a module, which may lie in the current directory."""
     here = os.getcwd()

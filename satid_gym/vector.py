@@ -40,7 +40,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     Args:
         num_envs: how many.
         satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control, observation:
-            as in `SatInertiaIDEnv`; the estimator is a compiled one.
+            as in `SatInertiaIDEnv`; the estimator is a compiled one, and `truth` is the environment's own.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
         num_threads: the most threads to use; all cores where None.
@@ -67,8 +67,14 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         include_covariance: bool = False,
         control: str = "torque",
         observation: Form = "wheels",
+        truth: None = None,
     ) -> None:
         super().__init__()
+        if truth is not None:
+            raise ValueError(
+                f"truth {truth!r} moves one satellite, and the vector environment is compiled as a whole: expected "
+                'None; make the single environment with it, gymnasium.make("SatInertiaID-v0", truth=...)'
+            )
         self.num_envs = check_integer("num_envs", num_envs)
         if num_threads is not None:
             num_threads = check_integer("num_threads", num_threads)

@@ -27,7 +27,7 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import section_table, vector_arguments
-from agents.docs.world_tables import gates, rate_loops, unmodelled
+from agents.docs.world_tables import basilisk, gates, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -221,6 +221,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "sensors.md": {"sensors": lambda: settings(Sensors), "timing": lambda: consistency(timing_table)},
     "unmodelled.md": {"unmodelled": unmodelled},
     "rates.md": {"rate loops": rate_loops},
+    "truth.md": {"basilisk": basilisk},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

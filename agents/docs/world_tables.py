@@ -1,4 +1,4 @@
-"""Tables of the world as flown: a filter that is told too little, both rate loops, and the gates of scenarios."""
+"""Tables of the world as flown: a filter that is told too little, rate loops, gates of scenarios, Basilisk's truth."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def _pair(cells: Sequence[Cell], name: str, pattern: str, factor: float = 1.0) -
     return f"{plain:{pattern}} / {inflated:{pattern}}"
 
 
-def _committed(name: str, command: str, rows: str) -> Mapping[str, Any]:
+def _committed(name: str, command: str, rows: str, folder: str = "scenarios") -> Mapping[str, Any]:
     """A study's file in docs/results."""
-    remedy = f"run python -m baselines.scenarios.{command} --output docs/results/{name}.json"
+    remedy = f"run python -m baselines.{folder}.{command} --output docs/results/{name}.json"
     return read_json(RESULTS / f"{name}.json", remedy, keys=(rows, "settings", "revision"))
 
 
@@ -40,6 +40,11 @@ def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
     tables = [gate_table(_committed(f"gate_{name}", f"gate --scenario {name}", "rows")) for name in ("flex", "slosh")]
     return "\n\n".join(tables)
+
+
+def basilisk() -> str:
+    """Basilisk's truth beside the environment's own, from the committed study."""
+    return basilisk_table(_committed("basilisk", "basilisk", "cells", folder="studies"))
 
 
 def unmodelled_table(results: Mapping[str, Any]) -> str:
@@ -98,3 +103,36 @@ def gate_table(results: Mapping[str, Any]) -> str:
         "these for the oracle. The expected error is the filter's own, mean over the flight. Revision "
     ).format(**results["settings"])
     return table(["policy", "settings", *head], rows, text_columns=2) + f"\n\n{said}{results['revision'][:7]}."
+
+
+def basilisk_table(results: Mapping[str, Any]) -> str:
+    """Scores on Basilisk's truth and on the environment's own, by row and policy, and how many are within 5 %."""
+    cells: Sequence[Cell] = [cell for cell in results["cells"] if cell["own"] is not None]
+    rows = []
+    for cell in cells:
+        own, theirs = cell["own"], cell["basilisk"]
+        outside = (f"{100.0 * truth['outside_fraction']:.2f}" for truth in (theirs, own))
+        rows.append(
+            [
+                cell["row"],
+                f"`{cell['policy']}`",
+                *(f"{100.0 * truth['final_error']:.3g}" for truth in (theirs, own)),
+                f"{theirs['final_error'] / own['final_error']:.3f}",
+                *(f"{truth['nees']:.3g}" for truth in (theirs, own)),
+                f"{theirs['nees'] / own['nees']:.3f}",
+                " / ".join(outside),
+                ", ".join(f"{cell['flights_apart'][name]:.0e}" for name in ("median", "largest")),
+            ]
+        )
+    head = ["row", "policy", "final error, %: Basilisk", "own", "ratio", "NEES: Basilisk", "own", "ratio"]
+    head += ["outside, %: Basilisk / own", "errors of a flight apart: median, largest"]
+    both = [cell for cell in cells if "imbalance" not in cell["row"]]
+    close = [abs(cell["basilisk"][name] / cell["own"][name] - 1.0) for cell in both for name in ("final_error", "nees")]
+    within = sum(apart <= 0.05 for apart in close)
+    said = "Microsat, static inertia, {episodes} validation episodes of 300 s a cell; revision ".format(
+        **results["settings"]
+    )
+    said += (
+        f"{results['revision'][:7]}. Where both truths model the same, {within} of {len(close)} ratios are within 5 %."
+    )
+    return table(head, rows, text_columns=2) + "\n\n" + said

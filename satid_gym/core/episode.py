@@ -16,15 +16,11 @@ from satid_gym.core.random import uniform
 from satid_gym.core.records import Autoreset
 from satid_gym.core.report import assess, note_costs, note_nis, note_peaks
 from satid_gym.core.reward import reward, uncertainty_nats
-from satid_gym.core.truth import faults
+from satid_gym.core.sample import sample
 from satid_gym.core.truth.draw import draw_plant
 from satid_gym.core.truth.dynamics import spin_momentum
 from satid_gym.core.truth.inertia_law import announced_share, is_released, moves_mass
-from satid_gym.core.truth.integrator import advance
-from satid_gym.core.truth.random_walk import walk_as_modelled, walk_gyro_bias
-from satid_gym.core.truth.sampling import advance_sampled
-from satid_gym.core.truth.sensors import drive_motors, read_sensors
-from satid_gym.core.truth.speed_limit import is_in_avoided_band
+from satid_gym.core.truth.sensors import read_sensors
 
 _NEXT_STEP, _SAME_STEP, _BEGIN = int(Autoreset.NEXT_STEP), int(Autoreset.SAME_STEP), int(Autoreset.BEGIN)
 
@@ -62,45 +58,6 @@ def steer(plant, belief, task, work, report):
     track(task, belief, plant.gyro, plant.tachometer, task.sample_period, work.torque)
     for k in range(work.torque.shape[0]):
         report.effort += (work.torque[k] / task.torque_max[k]) ** 2 / (work.torque.shape[0] * task.samples)
-
-
-@outline
-def sample(plant, task, work, report):
-    """Move the truth on by one sample period and read the sensors."""
-    dt = task.sample_period
-    walk_as_modelled(plant, dt)
-    if plant.faulty != 0:
-        faults.note_motors(plant, report)
-        faults.delay_command(plant, work.torque)
-        drive_motors(plant, plant.torque_obeyed, dt)
-    else:
-        drive_motors(plant, work.torque, dt)
-    end = (np.round(plant.time / dt) + 1.0) * dt  # so that rounding does not pile up
-    if plant.sampling.on != 0:
-        advance_sampled(plant, plant.motor_torque, end)
-    else:
-        advance(plant, plant.motor_torque, end - plant.time)
-    plant.time = end
-    walk_gyro_bias(plant, dt)
-    read_sensors(plant)
-    outside = False
-    for i in range(3):
-        outside = outside or abs(plant.rate[i]) > task.rate_limit
-    if outside:
-        report.outside += 1.0
-    if is_in_avoided_band(plant):
-        report.in_avoided_band += 1.0
-    for k in range(plant.locked.shape[0]):
-        report.saturated[k] = max(report.saturated[k], plant.locked[k])
-    bent = 0.0
-    for k in range(report.deflection.shape[0]):
-        deflection = abs(plant.oscillators.deflection[k])
-        report.deflection[k] = max(report.deflection[k], deflection)
-        if deflection > task.deflection_limit[k]:
-            bent = 1.0
-    report.bent += bent
-    if plant.faulty != 0:
-        faults.note_sensors(plant, report)
 
 
 @inline
@@ -147,6 +104,20 @@ def conclude(plant, belief, task, work, report, observation):
 
 
 @inline
+def believe(plant, belief, task, work, report):
+    """Let the filter take in a sample's readings, and tally what they gave; uncertainty in nats afterwards."""
+    announce(plant, belief, task)
+    filters.predict(belief, work, plant.tachometer, task.sample_period)
+    before = uncertainty_nats(belief, work, task.criterion)
+    report.nis = take_reading(plant, belief, work)
+    note_peaks(plant, belief, report)
+    note_nis(task, report.nis)
+    last = uncertainty_nats(belief, work, task.criterion)
+    report.information_gain += before - last
+    return last
+
+
+@inline
 def decide(rows, i, action, work):
     """One decision of row i."""
     plant, belief, task, report = rows.plants[i], rows.beliefs[i], rows.tasks[i], rows.reports[i]
@@ -157,14 +128,7 @@ def decide(rows, i, action, work):
         sample(plant, task, work, report)
         if step == 0:
             first = uncertainty_nats(belief, work, task.criterion)
-        announce(plant, belief, task)
-        filters.predict(belief, work, plant.tachometer, task.sample_period)
-        before = uncertainty_nats(belief, work, task.criterion)
-        report.nis = take_reading(plant, belief, work)
-        note_peaks(plant, belief, report)
-        note_nis(task, report.nis)
-        last = uncertainty_nats(belief, work, task.criterion)
-        report.information_gain += before - last
+        last = believe(plant, belief, task, work, report)
         if rows.logs.shape[1] > 0:
             log_sample(rows.logs[i, step], plant, belief)
     if task.net != 0:
@@ -173,9 +137,9 @@ def decide(rows, i, action, work):
 
 
 @inline
-def begin(rows, i, templates, work):
-    """Start an episode in row i, from a template drawn at random; False where no inertia drawn is physical."""
-    plant, belief, task, report = rows.plants[i], rows.beliefs[i], rows.tasks[i], rows.reports[i]
+def draw(rows, i, templates):
+    """Draw an episode in row i, from a template drawn at random; False where no inertia drawn is physical."""
+    plant = rows.plants[i]
     stream = plant.stream
     row = np.int64(uniform(stream) * templates.draws.shape[0])
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
@@ -183,9 +147,13 @@ def begin(rows, i, templates, work):
     rows.beliefs[i] = templates.beliefs[row]
     rows.tasks[i] = templates.tasks[row]
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
-    if not draw_plant(templates.draws[row], plant):
-        return False
-    read_sensors(plant)
+    return draw_plant(templates.draws[row], plant)
+
+
+@inline
+def start(rows, i, work):
+    """Let the filter take the first readings of the episode drawn in row i."""
+    plant, belief, task, report = rows.plants[i], rows.beliefs[i], rows.tasks[i], rows.reports[i]
     filters.start(belief, work, plant.gyro, plant.tachometer)
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = 0
@@ -204,6 +172,15 @@ def begin(rows, i, templates, work):
         log_sample(rows.logs[i, 0], plant, belief)
     assess(plant, belief, work, report)
     observe(belief, task, plant.gyro, plant.tachometer, rows.observations[i])
+
+
+@inline
+def begin(rows, i, templates, work):
+    """Start an episode in row i; False where no inertia drawn is physical."""
+    if not draw(rows, i, templates):
+        return False
+    read_sensors(rows.plants[i])
+    start(rows, i, work)
     return True
 
 

@@ -1,0 +1,98 @@
+"""Kernels of a decision whose truth is moved elsewhere: what an episode does, without its integrator.
+
+They work on row 0. The plant's record holds what the truth said last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from satid_gym.core import episode
+from satid_gym.core.algebra import add, load, multiply, store
+from satid_gym.core.jit import inline, kernel
+from satid_gym.core.sample import drive as drive_plant
+from satid_gym.core.sample import measure as measure_plant
+from satid_gym.core.sample import sample_end
+from satid_gym.core.truth.disturbance import external_torque, orbit_phase
+from satid_gym.core.truth.inertia_law import inertia_at
+from satid_gym.core.truth.sensors import read_sensors
+from satid_gym.core.wheels import wheel_momentum
+
+
+@kernel
+def draw(rows, templates):
+    """Draw an episode; False where no inertia drawn is physical."""
+    return episode.draw(rows, 0, templates)
+
+
+@kernel
+def start(rows, work):
+    """Let the filter take the first readings."""
+    episode.start(rows, 0, work[0])
+
+
+@inline
+def turned(q, x, y, z):
+    """Attitude q after the body has turned by a small rotation vector (x, y, z), rad, in its own frame."""
+    angle = np.sqrt(x * x + y * y + z * z)
+    c, s = np.cos(0.5 * angle), 0.5 * np.sinc(0.5 * angle / np.pi)
+    x, y, z = s * x, s * y, s * z
+    return (
+        c * q[0] + q[3] * x + q[1] * z - q[2] * y,
+        c * q[1] + q[3] * y + q[2] * x - q[0] * z,
+        c * q[2] + q[3] * z + q[0] * y - q[1] * x,
+        c * q[3] - q[0] * x - q[1] * y - q[2] * z,
+    )
+
+
+@kernel
+def drive(rows, work, disturbance):
+    """Motor torque until the next sample, to the plant; to `disturbance` (3,) the torque from outside, in its middle.
+
+    The body is taken to turn on as it does until then.
+    """
+    plant, task = rows.plants[0], rows.tasks[0]
+    drive_plant(plant, task, work[0], rows.reports[0])
+    half, (x, y, z) = 0.5 * task.sample_period, load(plant.rate)
+    middle, q = plant.time + half, turned(plant.attitude, half * x, half * y, half * z)
+    store(disturbance, external_torque(plant, orbit_phase(plant, middle), q, inertia_at(plant, middle)))
+
+
+@kernel
+def turn(plants, before, dt):
+    """Attitude after a sample in which the rate went from `before` (3,) to the plant's."""
+    plant = plants[0]
+    x, y, z = add(load(before), load(plant.rate))
+    half = 0.5 * dt
+    q = turned(plant.attitude, half * x, half * y, half * z)
+    for i in range(4):
+        plant.attitude[i] = q[i]
+
+
+@inline
+def note_momentum(plant):
+    """Total momentum, for pictures; what oscillators add to it is left out."""
+    spin = wheel_momentum(plant, plant.wheel_speed)
+    store(plant.momentum, add(multiply(inertia_at(plant, plant.time), load(plant.rate)), spin))
+
+
+@kernel
+def read(plants):
+    """First readings."""
+    note_momentum(plants[0])
+    read_sensors(plants[0])
+
+
+@kernel
+def measure(rows):
+    """Time and readings at the end of a sample, and what the truth did in it."""
+    plant, task = rows.plants[0], rows.tasks[0]
+    plant.time = sample_end(plant, task.sample_period)
+    note_momentum(plant)
+    measure_plant(plant, task, rows.reports[0])
+
+
+@kernel
+def believe(rows, work):
+    """Give the filter the readings; uncertainty in nats afterwards."""
+    return episode.believe(rows.plants[0], rows.beliefs[0], rows.tasks[0], work[0], rows.reports[0])
