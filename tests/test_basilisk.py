@@ -3,6 +3,7 @@
 A lane of its own: `make test-basilisk` installs Basilisk and runs it.
 """
 
+import functools
 import json
 import runpy
 from dataclasses import replace
@@ -48,6 +49,12 @@ pytestmark = pytest.mark.basilisk
 PERIOD = 0.1  # s, of a sample
 
 
+@functools.cache
+def spline_weights(count: int) -> np.ndarray:
+    """Weights (count,) of values over a sample, evenly spread, in the integral of the cubic spline through them."""
+    return CubicSpline(np.linspace(0.0, PERIOD, count), np.eye(count)).integrate(0.0, PERIOD)
+
+
 class Measured(BasiliskTruth):
     """Basilisk with its IMU, whose errors are scale, then misalignment by a rotation of the platform, then bias.
 
@@ -91,7 +98,7 @@ class Measured(BasiliskTruth):
         body, wheels = self.paths
         path = np.hstack([body.omega_BN_B, np.array(wheels.wheelSpeeds)[:, : len(self.before) - 3]])
         path = np.vstack([self.before, path])
-        angle = CubicSpline(np.linspace(0.0, PERIOD, len(path)), path).integrate(0.0, PERIOD)
+        angle = spline_weights(len(path)) @ path
         return angle[:3], angle[3:]
 
     def push_on(self, torque: np.ndarray) -> None:
