@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.commands.words import as_typed
+from satid_gym.config import check_number
 from satid_gym.files import check_writable, write_bytes, write_json, write_text
 from satid_gym.manoeuvres import Effort, KeepOut, design
 from satid_gym.manoeuvres.record import csv, lines, record
@@ -59,6 +61,9 @@ def run(given: argparse.Namespace) -> int:
     Raises:
         ValueError: an argument is not valid, or no manoeuvre does what is asked.
     """
+    keep_outs = [_keep_out(word) for word in given.keep_out]
+    if given.turn_limit is not None:
+        check_number("--turn-limit", given.turn_limit, strict=True, high=180.0)
     check_writable(given.output)
     found = design(
         given.satellite,
@@ -66,7 +71,7 @@ def run(given: argparse.Namespace) -> int:
         accuracy=given.accuracy,
         returns=given.returns,
         turn_limit=None if given.turn_limit is None else np.radians(given.turn_limit),
-        keep_outs=[_keep_out(word) for word in given.keep_out],
+        keep_outs=keep_outs,
         scenario=given.scenario,
         control=given.control,
         effort=Effort(rounds=given.rounds, seed=given.seed),
@@ -75,18 +80,17 @@ def run(given: argparse.Namespace) -> int:
     print("\n".join(lines(found)))
     for note in found.notes:
         print(f"note: {note}", file=sys.stderr)
-    command = as_typed(sys.argv[1:])
+    command = as_typed(given.words)
     write_text(given.output / "manoeuvre.csv", csv(found))
     write_json(given.output / "design.json", {"command": command, **record(found)})
     written = ["manoeuvre.csv", "design.json"]
-    try:
+    if importlib.util.find_spec("matplotlib") is None:
+        print('note: for the figure and the page, pip install ".[telemetry]" in the checkout', file=sys.stderr)
+    else:
         from satid_gym.manoeuvres.figure import png
         from satid_gym.manoeuvres.page import page
 
         picture = png(found)
-    except ValueError as error:
-        print(f"note: {error}", file=sys.stderr)
-    else:
         write_bytes(given.output / "design.png", picture)
         write_text(given.output / "design.html", page(found, picture, command))
         written += ["design.png", "design.html"]
@@ -102,4 +106,6 @@ def _keep_out(word: str) -> KeepOut:
         degrees = float(angle)
     except ValueError:
         raise ValueError(f"--keep-out takes BORESIGHT:DIRECTION:DEGREES such as 0,0,1:1,0,0:35, got {word!r}") from None
+    if not 0.0 < degrees < 180.0:
+        raise ValueError(f"--keep-out takes an angle between 0 and 180 degrees, got {angle}")
     return KeepOut(boresight=np.array(vectors[0]), direction=np.array(vectors[1]), angle=float(np.radians(degrees)))

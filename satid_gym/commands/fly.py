@@ -6,7 +6,6 @@ import argparse
 import html
 import importlib
 import io
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -182,7 +181,7 @@ def _write(
             with tempfile.TemporaryDirectory() as folder:
                 film = Path(folder) / "flight.mp4"
                 write_video(film, frames, _FPS)
-                write_text(given.page, _page(title, scores, film.read_bytes(), picture, as_typed(sys.argv[1:])))
+                write_text(given.page, _page(title, scores, film.read_bytes(), picture, as_typed(given.words)))
     for name in _ENDINGS:
         if path := getattr(given, name):
             print(f"written to {path}")

@@ -60,7 +60,7 @@ def run(given: argparse.Namespace) -> int:
     print("\n".join(lines(found)))
     for note in found.notes:
         print(f"note: {note}", file=sys.stderr)
-    command = as_typed(sys.argv[1:])
+    command = as_typed(given.words)
     write_json(given.output / "identification.json", {"command": command, **record(found)})
     written = ["identification.json"]
     try:

@@ -43,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if words and words[0] in lead.MODULES:  # their options are the checkout's own
             return lead.run(words[0], words[1:])
         given = parser().parse_args(words)
+        given.words = words
         return int(given.run(given))
     except KeyboardInterrupt:
         print("\nstopped; existing files are unchanged", file=sys.stderr)
@@ -53,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (NotIdentifiedError, NotPossibleError, SlipError) as error:
         print(f"no: {error}", file=sys.stderr)
         return NO
-    except ValueError as error:
+    except (ValueError, FloatingPointError) as error:
         print(f"error: {error}", file=sys.stderr)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""

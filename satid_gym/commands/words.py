@@ -9,4 +9,9 @@ from pathlib import Path
 
 def as_typed(arguments: Sequence[str]) -> str:
     """The command, with the names alone of files that were given by a path from the root."""
-    return shlex.join(["satid", *(Path(word).name if Path(word).is_absolute() else word for word in arguments)])
+    return shlex.join(["satid", *map(_without_folders, arguments)])
+
+
+def _without_folders(word: str) -> str:
+    option, sign, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    return option + sign + (Path(value).name if Path(value).is_absolute() else value)

@@ -1,6 +1,6 @@
 """Manoeuvres that tell a satellite's inertia: designed for its data sheet, judged by flights of drawn satellites."""
 
-from satid_gym.manoeuvres.design import Design, design
+from satid_gym.manoeuvres.designer import Design, design
 from satid_gym.manoeuvres.feasibility import NotPossibleError
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.manoeuvres.request import KeepOut, Request

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
-from satid_gym.manoeuvres.design import Design
+from satid_gym.manoeuvres.designer import Design
 from satid_gym.manoeuvres.record import comparison, percent
+from satid_gym.manoeuvres.trial import Trial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,15 +21,9 @@ _RANGE = 5.0  # of bars, beyond which their axis is logarithmic
 
 
 def png(design: Design) -> bytes:
-    """The figure as a PNG.
+    """The figure as a PNG; it needs matplotlib."""
+    from matplotlib.figure import Figure
 
-    Raises:
-        ValueError: matplotlib is not there.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ValueError('for the figure and the page, pip install ".[telemetry]" in the checkout') from error
     figure = Figure(figsize=(11.0, 11.5), layout="constrained")
     top, bottom = np.ravel(np.array(figure.subfigures(2, 1, height_ratios=[2.0, 1.0])))
     places = [*np.ravel(top.subplots(2, 2)), *np.ravel(bottom.subplots(1, 2))]
@@ -100,19 +95,21 @@ def _turn(axes: Axes, design: Design) -> None:
 
 def _rivals(axes: Axes, design: Design) -> None:
     rows = comparison(design)
-    inside = [trial.worst_cost <= design.request.cost_limit for _, trial in rows]
-    colours = [_COLOURS[0] if k == 0 else "0.55" if good else "0.85" for k, good in enumerate(inside)]
-    _bars(axes, [name for name, _ in rows], [trial.accuracy for _, trial in rows], colours)
+    _bars(axes, [name for name, _ in rows], [trial.accuracy for _, trial in rows], _shades(design, rows))
     axes.set_title("std of the worst moment; pale: beyond a limit", fontsize=10)
 
 
 def _harder(axes: Axes, design: Design) -> None:
     rows = [("as the data sheet says", design.trial), *design.stressed.items()]
-    inside = [trial.worst_cost <= design.request.cost_limit for _, trial in rows]
-    colours = [_COLOURS[0] if k == 0 else "0.55" if good else "0.85" for k, good in enumerate(inside)]
     errors = [float(np.quantile(trial.error[-1], 0.95, method="higher")) for _, trial in rows]
-    _bars(axes, [name for name, _ in rows], errors, colours)
+    _bars(axes, [name for name, _ in rows], errors, _shades(design, rows))
     axes.set_title("error that 95 % of the flights are below", fontsize=10)
+
+
+def _shades(design: Design, rows: list[tuple[str, Trial]]) -> list[str]:
+    """Colour of the manoeuvre, grey for others, pale for those that do not keep the limits."""
+    kept = [trial.keeps(design.request.cost_limit) for _, trial in rows]
+    return [_COLOURS[0] if k == 0 else "0.55" if good else "0.85" for k, good in enumerate(kept)]
 
 
 def _bars(axes: Axes, names: list[str], values: list[float], colours: list[str]) -> None:

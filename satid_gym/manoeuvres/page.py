@@ -8,21 +8,20 @@ import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
 from satid_gym.html_page import bullets, document, image, table
-from satid_gym.manoeuvres.design import Design
+from satid_gym.manoeuvres.designer import Design
 from satid_gym.manoeuvres.record import comparison, percent
 from satid_gym.manoeuvres.trial import Trial
 
-_HEAD = ("", "std, worst moment", "error, median", "95 % below", "beyond a limit", "NEES", "turn")
+_HEAD = ("", "std, worst moment", "error, median", "95 % below", "beyond a limit", "ended early", "NEES", "turn")
 
 
 def page(design: Design, picture: bytes, command: str) -> str:
     """HTML of a design with its figure, which needs nothing from a network."""
     sheet, request, trial = design.mission.satellite, design.request, design.trial
-    scale = design.mission.prior.theta_scale(design.mission.prior.needed_parameters)
     std = trial.parameter_std[-1]
     parameters = [
         (name, f"{size:.4g}", f"{one * size:.2g}", percent(one))
-        for name, one, size in zip(NAMES, std, scale, strict=False)
+        for name, one, size in zip(NAMES, std, design.scale, strict=False)
     ]
     flown = "by a rate loop" if design.mission.control == "rate" else "by torque in open loop"
     turned = f"It turns the satellite by up to {np.degrees(trial.turn.max()):.0f} deg"
@@ -31,18 +30,20 @@ def page(design: Design, picture: bytes, command: str) -> str:
     parts = [
         f"<h1>Manoeuvre for {html.escape(sheet.name)}</h1>",
         f"<p>{request.duration:g} s from rest to rest, flown {flown}. {turned}. Figures are of {trial.error.shape[1]} "
-        f"satellites drawn about the data sheet, with its noise. Limits are exceeded for {percent(trial.worst_cost)} "
+        f"satellites drawn about the data sheet, with its noise. Limits are exceeded for {percent(trial.beyond)} "
         f"of the time at most; the largest rate is {percent(float(trial.rate.max()))} of its limit, the largest wheel "
         f"speed {percent(float(trial.wheel_speed.max()))}.</p>",
         table(("parameter", "scale, kg m²", "standard deviation, kg m²", "over the scale"), parameters),
-        "<p>Scale: the moment as the data sheet has it, for products of inertia the geometric mean of two. No motion "
-        f"within the limits tells every moment to better than {percent(float(design.least[-1]))}.</p>",
+        "<p>Scale: the moment of the prior, for products of inertia the geometric mean of two. For the nominal "
+        "satellite no motion within the limits tells every moment to better than "
+        f"{percent(float(design.least[-1]))}.</p>",
         image(picture, "Rates, torques, accuracy over time, turn, rivals, harder worlds"),
         "<h2>Beside other excitation</h2>",
         table(_HEAD, [_row(name, other) for name, other in comparison(design)]),
         "<p>The profiles and closed loops with the settings that are best for this satellite. Turn limits and "
         "keep-outs are for the manoeuvre alone.</p>",
         "<h2>In harder worlds</h2>",
+        "<p>The filter is told of them, but for the inertia that is farther off.</p>",
         table(_HEAD, [_row(name, other) for name, other in design.stressed.items()]),
         "<h2>Notes</h2>",
         bullets(design.notes),
@@ -58,7 +59,8 @@ def _row(name: str, trial: Trial) -> tuple[str, ...]:
         percent(trial.accuracy),
         percent(float(np.median(error))),
         percent(float(np.quantile(error, 0.95, method="higher"))),
-        percent(trial.worst_cost),
+        percent(trial.beyond),
+        str(int(trial.terminated.sum())),
         f"{trial.nees.mean():.2f}",
         f"{np.degrees(trial.turn.max()):.0f} deg",
     )

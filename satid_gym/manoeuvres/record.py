@@ -10,7 +10,7 @@ import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
 from satid_gym.gym_api import COSTS
-from satid_gym.manoeuvres.design import Design
+from satid_gym.manoeuvres.designer import Design
 from satid_gym.manoeuvres.trial import Trial
 
 
@@ -99,11 +99,11 @@ def comparison(design: Design) -> list[tuple[str, Trial]]:
 def lines(design: Design) -> Iterator[str]:
     """Tables for a terminal."""
     trial, request = design.trial, design.request
-    scale = design.mission.prior.theta_scale(design.mission.prior.needed_parameters)
     yield f"{'':5s}{'std, kg m^2':>14s}{'std':>10s}"
-    for name, std, size in zip(NAMES, trial.parameter_std[-1], scale, strict=False):
+    for name, std, size in zip(NAMES, trial.parameter_std[-1], design.scale, strict=False):
         yield f"{name:5s}{std * size:14.2g}{percent(std):>10s}"
-    yield f"no motion within the limits tells every moment better than {percent(float(design.least[-1]))}"
+    least = percent(float(design.least[-1]))
+    yield f"for the nominal satellite no motion within the limits tells every moment better than {least}"
     yield ""
     rate, speed = percent(float(trial.rate.max())), percent(float(trial.wheel_speed.max()))
     yield f"largest rate {rate} of its limit, wheel speed {speed}"
@@ -114,5 +114,6 @@ def lines(design: Design) -> Iterator[str]:
     yield ""
     yield f"{'':44s}{'std':>9s}{'error':>9s}{'beyond':>9s}{'NEES':>6s}"
     for name, other in [*comparison(design), *design.stressed.items()]:
-        cells = map(percent, (other.accuracy, float(np.median(other.error[-1])), other.worst_cost))
-        yield f"{name:44s}{''.join(f'{cell:>9s}' for cell in cells)}{other.nees.mean():6.2f}"
+        cells = map(percent, (other.accuracy, float(np.median(other.error[-1])), other.beyond))
+        early = f"   {other.terminated.sum()} ended early" if other.terminated.any() else ""
+        yield f"{name:44s}{''.join(f'{cell:>9s}' for cell in cells)}{other.nees.mean():6.2f}{early}"

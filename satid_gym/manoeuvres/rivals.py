@@ -17,7 +17,7 @@ from satid_gym.manoeuvres.trial import Trial, fly_side_by_side
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
-from satid_gym.policy import Policy, observation_settings
+from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import Problem
 from satid_gym.profiles import PROFILES
 
@@ -40,30 +40,24 @@ def rivals(problem: Problem, request: Request, effort: Effort, progress: Progres
     chosen: list[Trial] = []
     families = [("the paper's eight profiles", _scripted(), problem.replace(control="torque"))]
     families.append(("squares of rate by torque", _squares(), problem.replace(control="torque")))
-    if problem.satellites[0].oscillators:
+    if problem.estimator.mode_count(only_mission(problem).satellite) > 0:
         shaped = problem.replace(control="rate", **observation_settings(ShapedSquarePolicy()))
         families.append(("shaped squares of rate", _shaped(), shaped))
     for what, family, world in families:
         progress(f"comparing with {what}")
-        groups = list(family)
-        choices = [policy for group in groups for policy in group]
-        trials = fly_side_by_side(world, choices, seeds("tuning", _TUNING * effort.episodes))
-        best, place = [], 0
-        for group in groups:
-            own = trials[place : place + len(group)]
-            best.append(group[_best(own, request.cost_limit)])
-            place += len(group)
+        best = []
+        for choices in family:  # one after another, for the memory of many long flights
+            trials = fly_side_by_side(world, choices, seeds("tuning", _TUNING * effort.episodes))
+            best.append(choices[_best(trials, request.cost_limit)])
         chosen += fly_side_by_side(world, best, seeds("test", effort.flights), request.keep_outs)
     return chosen
 
 
 def _best(trials: list[Trial], limit: float) -> int:
-    costs, limit = np.array([trial.worst_cost for trial in trials]), SLACK * limit
-    if costs.min() > limit:
-        return int(np.argmin(costs))
-    return int(
-        np.argmin([trial.expected if cost <= limit else np.inf for trial, cost in zip(trials, costs, strict=True)])
-    )
+    limit *= SLACK
+    if not any(trial.keeps(limit) for trial in trials):
+        return int(np.argmin([trial.beyond + trial.terminated.mean() for trial in trials]))
+    return int(np.argmin([trial.expected if trial.keeps(limit) else np.inf for trial in trials]))
 
 
 def _scripted() -> Iterator[list[Policy]]:

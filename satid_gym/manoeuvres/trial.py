@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from satid_gym.estimators.inertia import Parameters
 from satid_gym.gym_api import COSTS
 from satid_gym.manoeuvres.pointing import separations, turned
 from satid_gym.manoeuvres.request import KeepOut
@@ -18,7 +19,9 @@ from satid_gym.vector import SatInertiaIDVectorEnv
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trial:
-    """Flights of one policy: N episodes of D decisions; what came after an episode's early end is infinite or 0.
+    """Flights of one policy: N episodes of D decisions; after an early end std and error are infinite, turn is 0.
+
+    What is largest or least is so among the ends of decisions, up to an episode's end.
 
     Attributes:
         name: of the policy.
@@ -33,7 +36,7 @@ class Trial:
         deflection: (N,) largest over its limit; 0 where there are no oscillators.
         turn: (D, N) true angle from the first attitude, rad.
         clearance: (N, k) least angle by which each boresight stays out of its keep-out, rad.
-        end_rate: (N,) norm of the true rate at the end, rad/s.
+        end_rate: (N,) norm of the true rate at the end, also an early one, rad/s.
     """
 
     name: str
@@ -65,9 +68,18 @@ class Trial:
         return np.sqrt((self.std**2).mean(axis=1))
 
     @property
-    def worst_cost(self) -> float:
-        """Largest of the costs, mean over episodes; 1 where an episode ended early."""
-        return 1.0 if self.terminated.any() else float(self.costs.mean(axis=0).max())
+    def parameters(self) -> Parameters:
+        """What the filter estimates."""
+        return "full" if self.std.shape[2] > 3 else "principal"
+
+    @property
+    def beyond(self) -> float:
+        """Largest of the costs, mean over episodes: share of the time beyond a limit."""
+        return float(self.costs.mean(axis=0).max())
+
+    def keeps(self, limit: float) -> bool:
+        """Whether no episode ended early, and each cost is at most a limit in the mean over episodes."""
+        return not self.terminated.any() and self.beyond <= limit
 
 
 def fly_side_by_side(
@@ -100,7 +112,7 @@ def fly_side_by_side(
     first = Rotation.from_quat(rows.plants["attitude"]).inv()
     std, error, turn = np.empty((decisions, total, p)), np.empty((decisions, total)), np.zeros((decisions, total))
     costs, nees, lived = np.zeros((total, len(COSTS))), np.zeros(total), np.zeros(total)
-    rate, speed, deflection = np.zeros(total), np.zeros(total), np.zeros(total)
+    rate, speed, deflection, end_rate = np.zeros(total), np.zeros(total), np.zeros(total), np.zeros(total)
     clearance = np.full((total, len(keep_outs)), np.inf)
     angles = np.array([keep_out.angle for keep_out in keep_outs])
     alive = np.ones(total, bool)
@@ -112,14 +124,17 @@ def fly_side_by_side(
         error[d] = np.where(alive, info["relative_error"], np.inf)
         attitude = (first * Rotation.from_quat(plants["attitude"])).as_quat()
         turn[d] = np.where(alive, turned(attitude), 0.0)
-        clearance = np.minimum(clearance, separations(attitude, keep_outs) - angles)
+        clear = separations(attitude, keep_outs) - angles
+        clearance = np.where(alive[:, None], np.minimum(clearance, clear), clearance)
         lived += alive
         nees += np.where(alive, info["nees"], 0.0)
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
-        rate = np.maximum(rate, np.abs(plants["rate"]).max(axis=1) / rows.tasks["rate_limit"])
-        speed = np.maximum(speed, (np.abs(plants["wheel_speed"]) / rows.tasks["wheel_speed_max"]).max(axis=1))
-        bent = info["deflection"] / rows.tasks["deflection_limit"]
-        deflection = np.maximum(deflection, bent.max(axis=1, initial=0.0))
+        bent = (info["deflection"] / rows.tasks["deflection_limit"]).max(axis=1, initial=0.0)
+        turning = np.abs(plants["rate"]).max(axis=1) / rows.tasks["rate_limit"]
+        fastest = (np.abs(plants["wheel_speed"]) / rows.tasks["wheel_speed_max"]).max(axis=1)
+        for largest, now in ((rate, turning), (speed, fastest), (deflection, bent)):
+            np.maximum(largest, now, out=largest, where=alive)
+        end_rate = np.where(alive, np.linalg.norm(plants["rate"], axis=1), end_rate)
         alive &= ~terminated
     env.close()
     series = {"std": std, "error": error, "turn": turn}
@@ -131,7 +146,7 @@ def fly_side_by_side(
         "wheel_speed": speed,
         "deflection": deflection,
         "clearance": clearance,
-        "end_rate": np.linalg.norm(rows.plants["rate"], axis=1),
+        "end_rate": end_rate,
     }
     trials = []
     for k, policy in enumerate(policies):

@@ -1,6 +1,6 @@
 """Family of manoeuvres: waves of body rate from rest to rest.
 
-The rate about an axis is a square wave s(t) of amplitude a, 0 at both ends, averaged over a window W,
+The rate about an axis is a times a square wave s(t) between 1 and -1, 0 at both ends, averaged over a window W,
 
     omega(t) = a (S(t + W/2) - S(t - W/2)) / W,    S(t) = integral of s from 0 to t,
 
@@ -30,22 +30,23 @@ class Authority:
 
     Attributes:
         acceleration: rad/s^2.
-        rate: rad/s, the least of the rate limit and of what the wheels' momentum can hold.
+        rate: rad/s, the least of the rate limit, of what the wheels' momentum can hold, and of what torque reaches.
+        reversal: s, the longest that one may take.
     """
 
     acceleration: np.ndarray
     rate: np.ndarray
+    reversal: float = np.inf
 
     @classmethod
-    def of(cls, satellite: Satellite) -> Authority:
-        """Authority of a satellite with the limits it is operated with."""
+    def of(cls, satellite: Satellite, reversal: float = np.inf) -> Authority:
+        """Authority of a satellite with the limits it is operated with, where a reversal may take so long, s."""
         wheels, inertia = satellite.wheels, np.abs(satellite.inertia).sum(axis=0)
         strength = _USED / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # torque on all axes per wheel torque
         stored = strength * (wheels.inertia * wheels.max_speed).min() / inertia
-        return cls(
-            acceleration=strength * wheels.max_torque.min() / inertia,
-            rate=np.minimum(satellite.rate_limit, stored),
-        )
+        acceleration = strength * wheels.max_torque.min() / inertia
+        reached = np.minimum(stored, 0.5 * acceleration * reversal)
+        return cls(acceleration=acceleration, rate=np.minimum(satellite.rate_limit, reached), reversal=reversal)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,7 +69,8 @@ class Waves:
     def decoded(cls, code: np.ndarray, authority: Authority) -> Waves:
         """Waves of a code (K, SIZE): logarithms of period, of window and of amplitudes over their limits, phases."""
         amplitude = np.exp(np.minimum(code[:, 2:5], 0.0)) * authority.rate
-        window = np.maximum(np.exp(code[:, [1]]), 2.0 * amplitude / authority.acceleration)
+        wanted = np.minimum(np.exp(code[:, [1]]), authority.reversal)
+        window = np.maximum(wanted, 2.0 * amplitude / authority.acceleration)
         return cls(period=np.exp(code[:, [0]]), window=window, amplitude=amplitude, phase=code[:, 5:8])
 
     def rates(self, time: np.ndarray, duration: float, returns: bool) -> np.ndarray:

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from satid_gym.estimators.settings import EstimatorSettings
-from satid_gym.evaluation import seeds
+from satid_gym.evaluation import Split, seeds
+from satid_gym.gym_api import COSTS
 from satid_gym.manoeuvres.feasibility import NotPossibleError, check_accuracy, least_std
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.manoeuvres.request import KeepOut, Request
 from satid_gym.manoeuvres.rivals import rivals
-from satid_gym.manoeuvres.search import Effort, Progress, manoeuvres, search
+from satid_gym.manoeuvres.search import Effort, Progress, manoeuvres, pointing_excess, search, settling
 from satid_gym.manoeuvres.trial import Trial, fly_side_by_side
 from satid_gym.manoeuvres.waves import Manoeuvre, Waves
 from satid_gym.policy import Mission, only_mission
@@ -24,6 +25,10 @@ from satid_gym.scenario import Scenario
 
 CONSTANT = {"name": "momentum", "inertia_walk": 0.0}
 """Filter for a manoeuvre in which the inertia does not change."""
+_DECISIONS_MIN, _DECISIONS_MAX = 8, 20_000
+_FAST_WHEELS = 0.5  # of the speed limit
+_NEES_MAX = 2.0  # that a consistent filter stays below
+_RETURN_MAX = 3.0  # deg from the first attitude, beyond which there is a note
 _LONGER = (2.0, 4.0, 8.0)  # durations that are tried where accuracy falls short
 
 
@@ -38,9 +43,9 @@ class Design:
         trial: its flights.
         open_loop: flights of its torque in open loop, where it was designed for a rate loop.
         rivals: flights of other excitation, each with its best settings.
-        stressed: flights of the manoeuvre in harder worlds, by name.
-        least: (T,) standard deviation of the worst moment over its prior that no motion within the limits can beat,
-            at each sample from 0 on.
+        stressed: flights of the manoeuvre in harder worlds, by name; but for the inertia the filter is told of them.
+        least: (T,) standard deviation of the nominal satellite's worst moment over its prior that no motion within the
+            limits can beat, at each sample from 0 on.
         notes: what the reader should know.
     """
 
@@ -53,6 +58,11 @@ class Design:
     stressed: Mapping[str, Trial]
     least: np.ndarray
     notes: tuple[str, ...]
+
+    @property
+    def scale(self) -> np.ndarray:
+        """(p,) kg m^2 that `trial.std` is relative to: prior moments, for products their geometric means."""
+        return self.mission.prior.theta_scale(self.trial.parameters)
 
 
 def design(
@@ -93,8 +103,7 @@ def design(
             "keep_outs": tuple(keep_outs),
         }
     )
-    world = resolve_scenario(scenario).replace(horizon=request.duration)
-    posed = problem(satellite, "static", world, estimator or CONSTANT, control=control)
+    posed = problem(satellite, "static", _world(scenario, request), estimator or CONSTANT, control=control)
     if len(posed.satellites) != 1:
         raise ValueError(f"a manoeuvre is designed for one data sheet, and {satellite!r} stands for several: give one")
     mission, effort = only_mission(posed), effort or Effort()
@@ -104,62 +113,93 @@ def design(
     waves = search(posed, request, effort, progress)
     (manoeuvre,) = manoeuvres(waves, request, posed, mission.satellite)
     trial = _flown(manoeuvre, posed, request, effort)
-    _check_limits(trial, request)
+    if beyond := _beyond(trial, request):
+        raise NotPossibleError(f"no manoeuvre was found that keeps the limits: with the best, {beyond}")
     if request.accuracy is not None and trial.accuracy > request.accuracy:
         raise NotPossibleError(_falls_short(waves, posed, request, effort, trial))
     progress("flying it in harder worlds")
     by_torque = posed.replace(control="torque")
+    others = rivals(posed, request, effort, progress)
     return Design(
         mission=mission,
         request=request,
         manoeuvre=manoeuvre,
         trial=trial,
         open_loop=_flown(manoeuvre, by_torque, request, effort) if control == "rate" else None,
-        rivals=tuple(rivals(posed, request, effort, progress)),
+        rivals=tuple(others),
         stressed={
             name: _flown(manoeuvre, posed.replace(scenario=harder), request, effort)
             for name, harder in _harder(posed.scenario).items()
         },
         least=least_std(mission, request.duration),
-        notes=tuple(_notes(mission, trial)),
+        notes=tuple(_notes(mission, request, trial, others)),
     )
 
 
-def _flown(manoeuvre: Manoeuvre, world: Problem, request: Request, effort: Effort) -> Trial:
-    """Flights of a manoeuvre by the control of a world, on test seeds."""
-    (trial,) = fly_side_by_side(world, [ManoeuvrePolicy(manoeuvre)], seeds("test", effort.flights), request.keep_outs)
+def _world(scenario: ScenarioLike, request: Request) -> Scenario:
+    """The scenario with the manoeuvre's duration as its horizon.
+
+    Raises:
+        ValueError: it draws data sheets of its own, or the duration is no multiple of its decisions or too short.
+    """
+    world = resolve_scenario(scenario)
+    if world.appendages is not None:
+        raise ValueError(
+            f"scenario {world.name!r} draws panels or a tank for the satellite: design for a data sheet that has them"
+        )
+    period, rest = world.decision_period, settling(world)
+    shortest = rest + _DECISIONS_MIN * period
+    if request.duration < shortest:
+        raise ValueError(
+            f"duration must be at least {shortest:g} s, got {request.duration:g}: {_DECISIONS_MIN} decisions of "
+            f"{period:g} s, and {rest:g} s to come to rest"
+        )
+    whole = period * round(request.duration / period)
+    if abs(whole - request.duration) > 1e-9 * request.duration or request.duration > _DECISIONS_MAX * period:
+        raise ValueError(
+            f"duration must be a multiple of the scenario's decisions of {period:g} s and at most "
+            f"{_DECISIONS_MAX * period:g} s, got {request.duration:g}"
+        )
+    return world.replace(horizon=request.duration)
+
+
+def _flown(manoeuvre: Manoeuvre, world: Problem, request: Request, effort: Effort, split: Split = "test") -> Trial:
+    """Flights of a manoeuvre by the control of a world."""
+    policies = [ManoeuvrePolicy(manoeuvre)]
+    (trial,) = fly_side_by_side(world, policies, seeds(split, effort.flights), request.keep_outs)
     return trial
 
 
 def _harder(world: Scenario) -> dict[str, Scenario]:
-    """Worlds that are worse than the data sheet says, by name."""
+    """Worlds that are harder than the scenario, by name; but for the inertia the filter is told of it."""
+    faster = {"wheels faster at the start": world.replace(wheel_speed_range=_FAST_WHEELS)}
     return {
         "inertia twice as far off": world.replace(inertia_std=2.0 * world.inertia_std),
         "motor noise doubled": world.replace(torque_noise=2.0 * world.torque_noise),
-        "wheels faster at the start": world.replace(wheel_speed_range=max(0.5, world.wheel_speed_range)),
+        **(faster if world.wheel_speed_range < _FAST_WHEELS else {}),
         "disturbance five times": world.replace(disturbance_scale=5.0 * world.disturbance_scale),
     }
 
 
-def _check_limits(trial: Trial, request: Request) -> None:
-    """Refuse a manoeuvre that leaves the limits, which the search could not avoid."""
+def _beyond(trial: Trial, request: Request) -> str:
+    """What limit flights exceed, and what would help, in words; "" where none."""
     if trial.terminated.any():
-        raise NotPossibleError(
-            f"{trial.terminated.mean():.0%} of the flights ran away with the gentlest manoeuvre that was found: a rate "
-            "or a deflection came to several times its limit. Allow more deflection or a higher rate, or fly it by a "
-            'rate loop, control "rate"'
+        return (
+            f"{trial.terminated.mean():.0%} of the flights ended early, far beyond a limit: give higher limits, a "
+            "quieter gyro, or another control"
         )
-    if trial.worst_cost > request.cost_limit:
-        raise NotPossibleError(
-            f"the best manoeuvre that was found has a limit exceeded for {trial.worst_cost:.1%} of the time, more than "
-            f"{request.cost_limit:.1%}: raise the limit that it meets, give it longer, or fly it by a rate loop, "
-            'control "rate"'
+    if trial.beyond > request.cost_limit:
+        name = COSTS[int(trial.costs.mean(axis=0).argmax())]
+        return (
+            f"the limit of {name.replace('_', ' ')} is exceeded for {trial.beyond:.1%} of the time, and "
+            f"{request.cost_limit:.1%} is allowed: raise it, give the manoeuvre longer, or search for more rounds"
         )
-    if trial.clearance.size and trial.clearance.min() < 0.0:
-        raise NotPossibleError(
-            f"a boresight came {np.degrees(-trial.clearance.min()):.1f} deg into its keep-out with the best manoeuvre "
-            "that was found: begin farther from it, or give a turn limit"
+    if (excess := pointing_excess(trial, request)) > 0.0:
+        return (
+            f"a flight points {np.degrees(excess):.2g} deg beyond its turn limit or into a keep-out: give it more "
+            'room, search for more rounds, or fly by control "rate"'
         )
+    return ""
 
 
 def _falls_short(waves: Waves, posed: Problem, request: Request, effort: Effort, trial: Trial) -> str:
@@ -169,22 +209,25 @@ def _falls_short(waves: Waves, posed: Problem, request: Request, effort: Effort,
         longer = request.replace(duration=factor * request.duration)
         world = posed.replace(scenario=posed.scenario.replace(horizon=longer.duration))
         (manoeuvre,) = manoeuvres(waves, longer, world, only_mission(world).satellite)
-        accuracy = _flown(manoeuvre, world, longer, effort).accuracy
-        if request.accuracy is not None and accuracy <= request.accuracy:
-            return f"{said}; {longer.duration:g} s of the same waves leave {accuracy:.2g}"
-    return (
-        f"{said}, and {longer.duration:g} s of the same waves {accuracy:.2g}: a better gyro or wider limits are needed"
-    )
+        found = _flown(manoeuvre, world, longer, effort, "tuning")
+        if request.accuracy is not None and found.accuracy <= request.accuracy and not _beyond(found, longer):
+            return f"{said}; {longer.duration:g} s of the same waves leave {found.accuracy:.2g}"
+    return f"{said}, and up to {longer.duration:g} s of the same waves do not do: give wider limits or a quieter gyro"
 
 
-def _notes(mission: Mission, trial: Trial) -> list[str]:
+def _notes(mission: Mission, request: Request, trial: Trial, others: Sequence[Trial]) -> list[str]:
     notes = []
-    sheet = mission.satellite
-    if not sheet.tolerances.kinds[0]:
+    if not mission.satellite.tolerances.kinds[0]:
         notes.append(
-            "the data sheet gives no gyro bias: the filter takes the gyro as without, and what it claims is as good"
+            "the data sheet gives no gyro bias, so that the filter assumes none: with one, errors are larger than std"
         )
-    if trial.rate.max() > 1.0:
-        over = float((trial.rate > 1.0).mean())
-        notes.append(f"in {over:.0%} of the flights a rate was beyond its limit at some time, by noise")
+    if (nees := float(trial.nees.mean())) > _NEES_MAX:
+        notes.append(f"the filter claims too much: NEES is {nees:.2g}, and errors are larger than std by its root")
+    if (trial.rate > 1.0).any():
+        notes.append(f"in {(trial.rate > 1.0).mean():.0%} of the flights a rate was beyond its limit at some time")
+    better = [other.name for other in others if other.keeps(request.cost_limit) and other.accuracy < trial.accuracy]
+    if better:
+        notes.append(f"more accurate within the limits, but not from rest to rest: {', '.join(better)}")
+    if request.returns and (left := float(np.degrees(np.median(trial.turn[-1])))) > _RETURN_MAX:
+        notes.append(f"it comes back to {left:.2g} deg only, in the median")
     return notes
