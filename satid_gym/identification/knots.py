@@ -3,10 +3,9 @@
 Eliminating what windows and flights have for themselves (momentum, torque, bias, delays) leaves, for the inertias
 x (6 K,) at K knots in units of their nominal sizes,
 
-    z = B x + e,   e white with variance c >= 1
+    z = B x + e,   e white with variance c >= 1,   B^T B = (Z^T X)^T (Z^T Z)^-1 (Z^T X)
 
-which are the equations Z^T (X x - y) = 0 of `satid_gym.identification.fit`, whose errors have the covariance Z^T Z, in
-directions that make that one; those in which the instruments Z are no more than noise are left out. The scale c is 1 if residuals are white; errors that
+which are the equations Z^T (X x - y) = 0 of `satid_gym.identification.fit` in units of their errors, Z^T Z. The scale c is 1 if residuals are white; errors that
 last for longer than a reading, as those of interpolation, make it larger.
 Source: Soderstrom, Automatica 43(6), 2007; Bar-Shalom, Li, Kirubarajan, Estimation with Applications (2001), ch. 3.
 """
@@ -26,8 +25,7 @@ from satid_gym.identification.rows import Window
 _ROUNDS = 6
 _RIDGE = 1e-9  # of the instruments' scale: keeps the equations solvable
 _SIGNAL_MIN = 1e-3  # of the noise: instruments with less say nothing
-_SHARE_MIN = 0.5  # of the instruments' square, that is signal; directions with less say nothing
-_STD_MAX = 1.0  # of nominal: directions that are known to less say nothing
+_STD_MAX = 0.3  # of nominal: directions that are known to less say nothing
 _FLAT = 100.0  # of nominal: prior of what a course leaves free
 
 
@@ -98,12 +96,12 @@ def balance(
             bisquare(residual / np.sqrt(sigma**2 + (jitter * window.motion) ** 2))
             for window, residual in zip(windows, residuals, strict=True)
         ]
-    B, M, z = _Equations(windows, places, std, weights, sizes, common_std, course.time, jumps=True).reduced(x)
+    B, M, z = _Equations(windows, places, std, weights, sizes, common_std, course.time, jumps=True).reduced()
     return Balance(B=B, M=M, z=z, common=common, sigma=sigma, jitter=jitter)
 
 
 class _Equations:
-    """Z^T X, Z^T Z and Z^T y for all knots (6 K); then for what each flight has in common, and for jumps (3 K)."""
+    """Equations for all knots (6 K); then for what each flight has in common, and for jumps (3 K)."""
 
     def __init__(
         self,
@@ -144,10 +142,12 @@ class _Equations:
             cross[block] += instrument.T @ design
             square[block] += instrument.T @ instrument
             score[block[1][0]] += instrument.T @ target[:, 0]
-        eliminated = np.arange(self.count, self.stop)
-        cross[eliminated, eliminated] += 1.0
-        square[eliminated, eliminated] += 1.0
-        self.cross, self.square, self.score = cross, square, score
+        scale = np.maximum(np.diag(square), _SIGNAL_MIN**2)
+        gain = scipy.linalg.cho_solve(scipy.linalg.cho_factor(square + np.diag(_RIDGE * scale)), cross).T
+        self.cross, self.score = cross, score
+        self.A, self.b = gain @ cross, gain @ score
+        for part in (self.A, self.cross):
+            part[range(self.count, self.stop), range(self.count, self.stop)] += 1.0
 
     def _common(self, window: Window) -> np.ndarray:
         """(m,) units of what is common: the standard deviations of its prior."""
@@ -157,30 +157,25 @@ class _Equations:
         """x (6 K,) on a course, and what each flight has in common."""
         used = slice(0, self.stop)
         spread = scipy.linalg.block_diag(course.spread, np.eye(self.stop - self.count))
-        matrix = spread.T @ self.cross[used, used] @ spread
+        many = course.walk > 0.0  # unknowns, each told by few rows
+        matrix, right = (self.A[used, used], self.b[used]) if many else (self.cross[used, used], self.score[used])
+        matrix = spread.T @ matrix @ spread
         prior = np.zeros(len(matrix))
         prior[: course.free] = _FLAT**-2
         prior[course.free : course.spread.shape[1]] = 1.0
-        found = spread @ np.linalg.solve(matrix + np.diag(prior), spread.T @ self.score[used])
+        found = spread @ np.linalg.solve(matrix + np.diag(prior), spread.T @ right)
         common = {flight: found[own] for flight, own in self.offset.items()}
         return found[: self.count], {f: part * self.common_std[: len(part)] for f, part in common.items()}
 
-    def reduced(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """B, M and z, what the flights have in common eliminated; the equations are exact at x (6 K,)."""
+    def reduced(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """B, M and z, what the flights have in common eliminated."""
         common = np.arange(self.count, self.stop)
-        left = np.setdiff1d(np.arange(len(self.cross)), common)
-        inverse = np.linalg.inv(self.square[np.ix_(common, common)])
-        blind = self.cross[np.ix_(left, common)] @ inverse
-        cross = self.cross[np.ix_(left, left)] - blind @ self.cross[np.ix_(common, left)]
-        square = self.square[np.ix_(left, left)] - blind @ self.square[np.ix_(common, left)]
-        score = self.score[left] - blind @ self.score[common]
-        unit = 1.0 / np.sqrt(np.maximum(np.diag(square), _SIGNAL_MIN**2))
-        share, vectors = scipy.linalg.eigh(
-            0.5 * (cross + cross.T) * np.outer(unit, unit), square * np.outer(unit, unit) + _RIDGE * np.eye(len(unit))
-        )
-        vectors = vectors[:, share > _SHARE_MIN] * unit[:, None]
-        rows = 0.5 * vectors.T @ (cross + cross.T)
-        rest = score - cross[:, : self.count] @ x
-        z = vectors.T @ rest + rows[:, : self.count] @ x
-        keep = np.linalg.norm(rows, axis=1) > 1.0 / _STD_MAX
-        return rows[keep, : self.count], rows[keep, self.count :], z[keep]
+        left = np.setdiff1d(np.arange(len(self.A)), common)
+        among = self.A[np.ix_(common, common)]
+        blind = np.linalg.solve(among, self.A[np.ix_(common, left)]).T
+        told = self.A[np.ix_(left, left)] - blind @ self.A[np.ix_(common, left)]
+        values, vectors = np.linalg.eigh(0.5 * (told + told.T))
+        keep = values > _STD_MAX**-2
+        root, vectors = np.sqrt(values[keep]), vectors[:, keep]
+        rows = (vectors * root).T
+        return rows[:, : self.count], rows[:, self.count :], vectors.T @ (self.b[left] - blind @ self.b[common]) / root
