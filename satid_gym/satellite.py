@@ -195,12 +195,35 @@ def _paper(
     )
 
 
+_INNOCUBE_ROTOR = 5.7e-5  # kg m^2
+_INNOCUBE = Satellite(
+    "innocube",
+    _INNOCUBE_ROTOR * np.array([[774.6, -4.9, -3.7], [-4.9, 786.7, 4.9], [-3.7, 4.9, 174.2]]),
+    ReactionWheels(
+        axes=-np.eye(3), inertia=np.array(_INNOCUBE_ROTOR), max_torque=np.array(2e-3), max_speed=np.array(525.0)
+    ),
+    mass=4.2,
+    size=np.array([0.1, 0.1, 0.34]),
+    rate_limit=0.2,
+    gyro_noise_std=1e-4,
+    tachometer_noise_std=0.1,
+    disturbance_std=1e-6,
+)
+"""InnoCube, a CubeSat of three units in orbit; its wheels' axes are signed as its telemetry is.
+
+Mass, wheel torque, wheel momentum (30 mN m s), and rates up to 0.19 rad/s: Djebko et al., arXiv 2512.19576, and their
+data. Inertia over rotor inertia: what `satid identify` finds in those, docs/identify.md. Assumed: a speed limit of
+5000 rpm, which gives the rotors' inertia and so the scale of the tensor; noise of gyro and tachometers, the
+disturbance, and that sensors and wheels are as nominal.
+"""
+
 SATELLITES: dict[str, Satellite] = {
     satellite.name: satellite
     for satellite in (
         _paper("cubesat", 24.0, (0.2, 0.2, 0.3), (0.26, 0.26, 0.16), (0.01, 460.0, 1e-4), 0.05, 1e-4, 1e-5),
         _paper("microsat", 95.0, (0.5, 0.6, 0.8), (6.53, 5.96, 4.53), (0.1, 900.0, 2e-3), 0.03, 5e-5, 5e-5),
         _paper("smallsat", 118.0, (0.7, 0.8, 1.0), (10.6, 14.2, 15.3), (0.1, 1500.0, 3e-3), 0.02, 2e-5, 1e-4),
+        _INNOCUBE,
     )
 }
 BENCHMARK_SATELLITES = ("cubesat", "microsat", "smallsat")

@@ -16,6 +16,7 @@ from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.profiles import PAPER_AMPLITUDES, PROFILES
+from satid_gym.satellite import BENCHMARK_SATELLITES
 
 # settings for panels and tanks are found by the gate, not by `baselines.tune`
 TUNED_SCENARIOS = [name for name, scenario in SCENARIOS.items() if scenario.appendages is None]
@@ -150,7 +151,7 @@ def test_rate_loop_keeps_the_wheels_off_their_speed_limit():
     assert np.abs(observation[:, briefs[0].layout["wheel_speed"]]).max(axis=1).mean() > 0.5
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_rate_square_identifies_every_satellite_in_every_mode_inside_the_envelope(satellite):
     outside = []
     for mode in INERTIA_MODES:
@@ -178,7 +179,7 @@ def test_rate_square_margin_trades_the_time_outside():
 @pytest.mark.parametrize("name", BASELINES)
 def test_every_baseline_is_tuned_and_acts_within_bounds(name):
     for scenario in TUNED_SCENARIOS:
-        for satellite in SATELLITES:
+        for satellite in BENCHMARK_SATELLITES:
             policy = make_baseline(name, satellite, scenario)
             assert policy.name == name
             env = SatInertiaIDVectorEnv(2, satellite, scenario=scenario)
@@ -272,7 +273,7 @@ def test_the_papers_profiles_are_a_closed_set():
 def test_stored_settings_keep_the_rule():
     for name in tunable():
         for scenario in TUNED_SCENARIOS:
-            for satellite in SATELLITES:
+            for satellite in BENCHMARK_SATELLITES:
                 entry = tuned_entry(name, satellite, scenario)
                 assert entry["inside"] == (max(entry["outside_fraction"], entry["saturated_fraction"]) <= 0.01)
                 tried = [s for row in grid(name, SATELLITES[satellite], scenario) for s in row]

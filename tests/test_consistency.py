@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from satid_gym import SATELLITES, SatInertiaIDEnv, SatInertiaIDVectorEnv, paper_law
+from satid_gym import SatInertiaIDEnv, SatInertiaIDVectorEnv, paper_law
 from satid_gym.core import kernels
 from satid_gym.core.observation import layout
 from satid_gym.core.records import Rows, log_dtype, report_dtype
@@ -23,6 +23,7 @@ from satid_gym.estimators.records import new_belief, new_work
 from satid_gym.law_ranges import PAPER_LAWS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import prior_of
 from satid_gym.templates import build_templates
 from tests.cases import cases
@@ -104,7 +105,7 @@ MATCHED = {
 }
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_filter_is_consistent_in_the_world_it_models(satellite):
     """The algebra alone: with nothing mismatched, NEES is chi-square, and so is its average over all episodes."""
     estimator = STATIC | {"disturbance_walk": 0.0, "substeps": 4}
@@ -123,7 +124,9 @@ def test_filter_is_consistent_in_the_world_it_models(satellite):
 @pytest.fixture(scope="module")
 def static_cells() -> dict[str, np.ndarray]:
     """NEES (T, 500) of the default scenario with static inertia and without its walk."""
-    return {s: fly(square_wave, s, "static", estimator=STATIC, episodes=5 * EPISODES).nees for s in SATELLITES}
+    return {
+        s: fly(square_wave, s, "static", estimator=STATIC, episodes=5 * EPISODES).nees for s in BENCHMARK_SATELLITES
+    }
 
 
 def averages(nees: np.ndarray, instants: np.ndarray) -> np.ndarray:
@@ -131,14 +134,14 @@ def averages(nees: np.ndarray, instants: np.ndarray) -> np.ndarray:
     return nees[instants].reshape(len(instants), -1, EPISODES).mean(axis=2)
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_nees_is_in_the_chi_square_band_for_static_inertia(satellite, static_cells):
     average = averages(static_cells[satellite], INSTANTS)
     low, high = band(EPISODES, average.size)
     assert ((low < average) & (average < high)).all(), average
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_nees_is_in_the_chi_square_band_in_the_first_minute(satellite, static_cells):
     average = averages(static_cells[satellite], EARLY)
     low, high = band(EPISODES, average.size)
@@ -148,11 +151,11 @@ def test_nees_is_in_the_chi_square_band_in_the_first_minute(satellite, static_ce
 @pytest.fixture(scope="module")
 def default_cells() -> dict[tuple[str, str], Flights]:
     """The default scenario and tuning, 100 episodes a cell."""
-    return {(s, mode): fly(square_wave, s, mode) for s in SATELLITES for mode in INERTIA_MODES}
+    return {(s, mode): fly(square_wave, s, mode) for s in BENCHMARK_SATELLITES for mode in INERTIA_MODES}
 
 
 @pytest.mark.parametrize("mode", INERTIA_MODES)
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_default_tuning_stays_consistent_while_the_inertia_varies(satellite, mode, default_cells):
     flights = default_cells[satellite, mode]
     assert flights.settled.all() == (mode != "step")
@@ -160,7 +163,7 @@ def test_default_tuning_stays_consistent_while_the_inertia_varies(satellite, mod
 
 
 @pytest.mark.parametrize("mode", INERTIA_MODES)
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_final_error_under_persistent_excitation(satellite, mode, default_cells):
     """At most 0.2 %, by the paper's metric, at most 1 % of the time outside the envelope."""
     flights = default_cells[satellite, mode]
@@ -203,7 +206,7 @@ QUIET = {
 }
 
 
-@cases("satellite", SATELLITES)
+@cases("satellite", BENCHMARK_SATELLITES)
 def test_a_body_at_rest_under_perfect_sensors_tells_nothing(satellite):
     scenario = QUIET | {"gyro_noise_std": 0.0, "tachometer_noise_std": 0.0}
     flights = fly(coast, satellite, "static", scenario=scenario, estimator=STATIC, episodes=5)
@@ -212,7 +215,7 @@ def test_a_body_at_rest_under_perfect_sensors_tells_nothing(satellite):
     assert (flights.error < 0.8).all()
 
 
-@cases("satellite", SATELLITES)
+@cases("satellite", BENCHMARK_SATELLITES)
 def test_a_body_at_rest_under_real_sensors_tells_almost_nothing(satellite):
     flights = fly(coast, satellite, "static", scenario=QUIET, estimator=STATIC, episodes=20)
     assert flights.std.mean() > 0.9

@@ -24,6 +24,7 @@ from satid_gym import (
 )
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.plants import law_inertia
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from tests.cases import cases
 
 NO_TORQUE = Disturbance()
@@ -545,7 +546,7 @@ def test_a_coarse_sample_is_flown_in_as_many_steps_as_the_body_turns(name, law, 
     np.testing.assert_allclose(plant["rate"], flight.omega[-1], rtol=0, atol=5e-6 * np.abs(flight.omega).max())
 
 
-@cases("name", SATELLITES)
+@cases("name", BENCHMARK_SATELLITES)
 def test_a_step_that_would_not_keep_momentum_is_halved(name):
     """One step is asked for, in which the momentum turns too far for it; |M| stays all the same."""
     satellite = SATELLITES[name]
@@ -584,14 +585,14 @@ def heavy_wheels() -> dict[str, tuple[Trajectory, Trajectory]]:
     return flights
 
 
-@cases("name", SATELLITES)
+@cases("name", BENCHMARK_SATELLITES)
 @pytest.mark.compiled
 def test_default_substeps_are_good_for_1e8_rad_per_s(name, heavy_wheels):
     default, fine = heavy_wheels[name]
     assert np.abs(default.omega - fine.omega).max() < 1e-8
 
 
-@cases("name", SATELLITES)
+@cases("name", BENCHMARK_SATELLITES)
 @pytest.mark.compiled
 def test_default_substeps_conserve_momentum(name):
     satellite = SATELLITES[name]

@@ -19,6 +19,7 @@ from satid_gym.modes import mode_of
 from satid_gym.policies import build, find
 from satid_gym.policy import missions
 from satid_gym.problem import problem
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import prior_of
 from tests.cases import cases
 
@@ -113,7 +114,7 @@ def test_the_covariance_follows_and_changes_nothing_before(name, parameters, whe
 
 
 @cases("new", [MomentumRecorder, RateRecorder])
-@cases(("name", "parameters"), [*((name, "principal") for name in SATELLITES), ("pyramid", "full")])
+@cases(("name", "parameters"), [*((name, "principal") for name in BENCHMARK_SATELLITES), ("pyramid", "full")])
 def test_every_part_by_its_definition(name, parameters, new, pyramid):
     recorder = new(parameters=parameters)
     satellite = SATELLITES.get(name, pyramid)
@@ -196,7 +197,7 @@ def test_what_is_beyond_ten_is_cut_to_ten():
     assert env.observation_space.contains(observation)
 
 
-@cases("name", SATELLITES)
+@cases("name", BENCHMARK_SATELLITES)
 @pytest.mark.compiled
 def test_observation_is_of_order_one_in_ordinary_flight(name):
     env = SatInertiaIDEnv(name, include_covariance=True)

@@ -22,6 +22,7 @@ from satid_gym.laws import paper_law
 from satid_gym.metrics import relative_error
 from satid_gym.plants import law_inertia
 from satid_gym.profiles import PROFILES
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from tests.cases import cases
 
 
@@ -43,7 +44,7 @@ def test_published_tables_are_whole():
     tables = published()
     assert len(tables) == 24 + 72
     assert {cell[0] for cell in tables} == set(PROFILES)
-    assert {cell[1] for cell in tables} == set(SATELLITES)
+    assert {cell[1] for cell in tables} == set(BENCHMARK_SATELLITES)
     assert tables["multi_step", "smallsat", "static"] == {"ls": 0.97, "ekf": 0.15}
     assert tables["prbs", "smallsat", "drift"] == {"ls": 2.26, "ekf": 0.85}
 
@@ -160,7 +161,7 @@ def test_constant_plant_is_nearer_to_the_published_table(found):
 def test_smoother_beats_the_filter_over_the_record(found):
     table = CellTable(found)
     for mode in MODES:
-        for satellite in SATELLITES:
+        for satellite in BENCHMARK_SATELLITES:
             filtered, smoothed = (
                 np.mean([table(p, satellite, mode, method).record_mean for p in PROFILES])
                 for method in ("momentum_ekf", "momentum_rts")

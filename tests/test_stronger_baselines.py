@@ -17,6 +17,7 @@ from satid_gym.policies.greedy import GreedyPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.open_loop_optimal import design_of, planned_rates
 from satid_gym.policy import missions
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import Scenario
 
 QUIET = Scenario(torque_noise=0.0, inertia_std=1e-4, disturbance_scale=0.1)
@@ -169,7 +170,7 @@ def test_episodes_do_not_depend_on_their_neighbours(policy: GreedyPolicy | MPCPo
 
 
 @pytest.mark.parametrize("name", ["mpc", "greedy_horizon"])
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 def test_planning_stays_inside_and_keeps_up_with_the_square_wave(name: str, satellite: str) -> None:
     cell = {"satellite": satellite, "inertia": "random", "seeds": seeds("validation", 10)}
     scores = fly(build(name, {}), scenario=benchmark_scenario(), **cell).scores()

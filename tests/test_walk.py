@@ -28,7 +28,7 @@ from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import final_error
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions
-from satid_gym.satellite import SATELLITES
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
 from satid_gym.scenario import prior_of
 from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
@@ -187,13 +187,13 @@ def cells() -> dict:
         (s, mode): tuple(
             fly_cell(square_wave, s, mode, estimator=name, episodes=50) for name in ("momentum", "adaptive")
         )
-        for s in SATELLITES
+        for s in BENCHMARK_SATELLITES
         for mode in INERTIA_MODES
     }
 
 
 @pytest.mark.parametrize("mode", INERTIA_MODES)
-@pytest.mark.parametrize("satellite", SATELLITES)
+@pytest.mark.parametrize("satellite", BENCHMARK_SATELLITES)
 @pytest.mark.compiled
 def test_it_is_consistent_and_no_worse_than_a_fixed_walk(satellite, mode, cells):
     fixed, adaptive = cells[satellite, mode]

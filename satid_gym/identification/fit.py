@@ -128,7 +128,7 @@ def fit(
 
 
 def projected(window: Window, std: np.ndarray, weight: np.ndarray, *parts: np.ndarray) -> list[np.ndarray]:
-    """Parts (N, 3, k) of a window's rows as (3 N, k) in units of noise, with the window's own unknowns projected out."""
+    """Parts (N, 3, k) of a window's rows as (3 N, k) in units of noise, without what the window has for itself."""
     root = (np.sqrt(weight)[:, None] / std)[..., None]
     own, *rows = ((part * root).reshape(3 * len(window), -1) for part in (window.own, *parts))
     basis, values, _ = np.linalg.svd(own, full_matrices=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,9 +69,8 @@ def step_instant(around: Surroundings, low: float, high: float, window: float) -
     The momentum before and after it are unknowns of their own where one momentum contradicts the readings.
     """
     time = around.log.time
-    near = around.__class__(
-        **{**vars(around), "log": around.log.rows((time >= low - _SIDE * window) & (time <= high + _SIDE * window))}
-    )
+    reach = (time >= low - _SIDE * window) & (time <= high + _SIDE * window)
+    near = replace(around, log=around.log.rows(reach))
     middles = 0.5 * (near.log.time[1:] + near.log.time[:-1])
     middles = middles[(middles > low) & (middles < high)]
     if len(middles) == 0:

@@ -5,8 +5,8 @@ x (6 K,) at K knots in units of their nominal sizes,
 
     z = B x + e,   e white with variance c >= 1,   B^T B = (Z^T X)^T (Z^T Z)^-1 (Z^T X)
 
-which are the equations Z^T (X x - y) = 0 of `satid_gym.identification.fit` in units of their errors, Z^T Z. The scale c is 1 if residuals are white; errors that
-last for longer than a reading, as those of interpolation, make it larger.
+which are the equations Z^T (X x - y) = 0 of `satid_gym.identification.fit` in units of their errors, Z^T Z. The scale
+c is 1 if residuals are white; errors that last for longer than a reading, as those of interpolation, make it larger.
 Source: Soderstrom, Automatica 43(6), 2007; Bar-Shalom, Li, Kirubarajan, Estimation with Applications (2001), ch. 3.
 """
 
@@ -75,9 +75,7 @@ class Balance:
     jitter: float
 
 
-def balance(
-    windows: Sequence[Window], course: Course, sizes: np.ndarray, common_std: np.ndarray
-) -> Balance:
+def balance(windows: Sequence[Window], course: Course, sizes: np.ndarray, common_std: np.ndarray) -> Balance:
     """B and z of all rows, with the noise and the weights that the residuals of an inertia on this course give."""
     places = [_places(window, course) for window in windows]
     sigma, jitter = first_noise(windows), 0.0
@@ -116,7 +114,8 @@ class _Equations:
         jumps: bool = False,
     ) -> None:
         self.count, self.common_std = 6 * len(knots), common_std
-        self.offset, self.stop = {}, self.count
+        self.offset: dict[int, slice] = {}
+        self.stop = self.count
         for window in windows:
             if window.flight not in self.offset:
                 self.offset[window.flight] = slice(self.stop, self.stop + window.common.shape[2])

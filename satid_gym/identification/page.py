@@ -10,7 +10,7 @@ import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
 from satid_gym.identification.identify import Identification
-from satid_gym.identification.record import rounded
+from satid_gym.identification.record import rounded, variation_lines
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24; }
@@ -43,6 +43,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
         f"<p>Rotor: {found.satellite.wheels.inertia[0]:.4g} kg m², as given; only inertia over rotor inertia is "
         "observable.</p>",
         f'<img alt="Estimates by flight, residuals, share of information" src="data:image/png;base64,{image}">',
+        *_over_time(found),
         "<h2>Flights</h2>",
         _table(
             (
@@ -82,6 +83,14 @@ def page(found: Identification, picture: bytes, command: str) -> str:
     return (
         f'<!doctype html>\n<html lang="en"><head>{head}<style>{_STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
     )
+
+
+def _over_time(found: Identification) -> list[str]:
+    """What was asked of the inertia over time."""
+    if found.variation is None:
+        return []
+    said = "\n".join(variation_lines(found.variation))
+    return ["<h2>Inertia over time</h2>", f"<pre>{html.escape(said)}</pre>"]
 
 
 def _parameters(found: Identification) -> list[tuple[str, ...]]:
