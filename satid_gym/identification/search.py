@@ -34,6 +34,7 @@ class Search:
     steps: dict[tuple[int, float], Instant]
 
     def windows(self, log: Log, flight: int, breaks: Sequence[float], window: float) -> list[Window]:
+        """Windows of a part of a flight's log."""
         return windows_of(
             log,
             flight,
@@ -57,9 +58,12 @@ class Search:
                 for window in self.windows(log, flight, self._breaks(flight), self.window)
             ]
             flights, times = knots_of(windows, length, list(self.steps))
-            later = [np.flatnonzero((flights == flight) & (times > at))[:1] for flight, at in self.steps]
-            starts = {int(k) - (times[k - 1] == at) for (_, at), ks in zip(self.steps, later, strict=True) for k in ks}
-            course = Course(flight=flights, time=times, starts=tuple(sorted(starts - {0})))
+            starts = []
+            for flight, at in self.steps:
+                mine = flights == flight
+                places = np.flatnonzero(mine & (times == at))[-1:] if np.isfinite(at) else np.flatnonzero(mine)[:1]
+                starts += [int(k) for k in places if k > 0]
+            course = Course(flight=flights, time=times, starts=tuple(sorted(starts)))
             sizes, common_std = theta_sizes(self.satellite), common_stds(self.logs, self.satellite)
             found = balance(windows, replace(course, drifts=drifts, walk=walk), sizes, common_std)
             for flight, common in found.common.items():
@@ -99,7 +103,8 @@ class Search:
         self.steps[flight, step.time] = step
         return flight, step.time
 
-    def start(self, course: Course, step: tuple[int, float]) -> int:
-        """Knot that a step begins."""
+    def start(self, course: Course, step: tuple[int, float]) -> int | None:
+        """Knot that a step begins; None of a step where no readings are."""
         flight, at = step
-        return next(k for k in course.starts if course.flight[k] == flight and (course.time[k] == at or at == -np.inf))
+        found = (k for k in course.starts if course.flight[k] == flight and (course.time[k] == at or at == -np.inf))
+        return next(found, None)

@@ -18,7 +18,7 @@ from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 
 _LOOSE = 1e-4  # s^-1.5: drift that the noise is first found with
-_STEPS_MAX = 8
+_BUILDS_MAX = 24  # of the equations, after which no further step is tried
 _TURNS_MAX = 3  # that the instant of a step is found again with what is known of the inertia since
 
 Kind = Literal["constant", "steps", "drift", "steps and drift", "not told"]
@@ -103,24 +103,25 @@ def variation(
     drifts, walk, settled = True, _LOOSE, False
     tried: tuple[int, float] | None = None
     refused, turns = False, 0
+    builds = 0
     while True:
         course, found = search.build(drifts, walk)
-        verdict = judge(found, course, rng)
+        verdict, builds = judge(found, course, rng), builds + 1
         if tried is not None:
             k = search.start(course, tried)
-            if turns < _TURNS_MAX and np.isfinite(tried[1]):
+            if k is not None and turns < _TURNS_MAX and np.isfinite(tried[1]):
                 turns, before, old = turns + 1, tried, search.steps.pop(tried)
                 tried = search.add(found, course, k)
                 if abs(tried[1] - before[1]) > old.std:
                     continue
                 del search.steps[tried]
                 search.steps[before], tried = old, before
-            if _drifts_instead(found, course, k):
+            if k is None or _drifts_instead(found, course, k):
                 del search.steps[tried]
                 tried, refused, drifts, walk = None, True, True, _LOOSE
                 continue
         tried, turns = None, 0
-        if verdict.steps and len(search.steps) < _STEPS_MAX and not (refused and verdict.drifts):
+        if verdict.steps and builds < _BUILDS_MAX and not (refused and verdict.drifts):
             tried = search.add(found, course, int(verdict.step_gain.argmax()))
             drifts, walk, settled = False, 0.0, False
         elif settled:
