@@ -18,15 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from satid_gym.estimators.batch.regression import SIGNAL_MIN
+from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.identification.course import Course
 from satid_gym.identification.fit import bisquare, first_noise, noise_of, projected, residual_of
 from satid_gym.identification.rows import Window
 
 _ROUNDS = 6
 _RIDGE = 1e-9  # of the instruments' scale: keeps the equations solvable
-_SIGNAL_MIN = 1e-3  # of the noise: instruments with less say nothing
+_ENERGY_MIN = 1e-6  # of the noise's square: instruments with less say nothing
 _STD_MAX = 0.3  # of nominal: directions that are known to less say nothing
 _FLAT = 100.0  # of nominal: prior of what a course leaves free
+_ENTRIES = np.abs(inertia_tensors(np.eye(6))).sum(axis=2)  # (6, 3): rates that each parameter takes into each row
 
 
 def knots_of(
@@ -75,14 +78,19 @@ class Balance:
     jitter: float
 
 
-def balance(windows: Sequence[Window], course: Course, sizes: np.ndarray, common_std: np.ndarray) -> Balance:
-    """B and z of all rows, with the noise and the weights that the residuals of an inertia on this course give."""
+def balance(
+    windows: Sequence[Window], course: Course, sizes: np.ndarray, common_std: np.ndarray, gyro_std: float
+) -> Balance:
+    """B and z of all rows, with the noise and the weights that the residuals of an inertia on this course give.
+
+    What moves by less than three times the gyro's noise, `gyro_std`, rad/s, near a knot is no instrument there.
+    """
     places = [_places(window, course) for window in windows]
     sigma, jitter = first_noise(windows), 0.0
     weights = [np.ones(len(window)) for window in windows]
     for _ in range(_ROUNDS):
         std = [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
-        equations = _Equations(windows, places, std, weights, sizes, common_std, course.time)
+        equations = _Equations(windows, places, std, weights, sizes, common_std, gyro_std, course.time)
         x, common = equations.solve(course)
         theta = x.reshape(-1, 6) * sizes
         residuals = [
@@ -94,8 +102,18 @@ def balance(windows: Sequence[Window], course: Course, sizes: np.ndarray, common
             bisquare(residual / np.sqrt(sigma**2 + (jitter * window.motion) ** 2))
             for window, residual in zip(windows, residuals, strict=True)
         ]
-    B, M, z = _Equations(windows, places, std, weights, sizes, common_std, course.time, jumps=True).reduced()
+    B, M, z = _Equations(windows, places, std, weights, sizes, common_std, gyro_std, course.time, jumps=True).reduced()
     return Balance(B=B, M=M, z=z, common=common, sigma=sigma, jitter=jitter)
+
+
+def _moving(square: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(6, 6) that keeps of instruments, given their squares (6, 6) and those of noise (6,), what moves enough."""
+    if not (noise > 0.0).all():
+        return np.zeros((6, 6))
+    unit = np.sqrt(noise)
+    values, vectors = np.linalg.eigh(square / np.outer(unit, unit))
+    kept = vectors[:, values > SIGNAL_MIN**2]
+    return np.asarray((kept @ kept.T) * unit / unit[:, None])
 
 
 class _Equations:
@@ -109,6 +127,7 @@ class _Equations:
         weights: list[np.ndarray],
         sizes: np.ndarray,
         common_std: np.ndarray,
+        gyro_std: float,
         knots: np.ndarray,
         *,
         jumps: bool = False,
@@ -123,6 +142,7 @@ class _Equations:
         total = self.stop + (3 * len(knots) if jumps else 0)
         momentum = np.sqrt(np.mean([np.mean(window.target**2) for window in windows]))
         cross, square, score = np.zeros((total, total)), np.zeros((total, total)), np.zeros(total)
+        noise = np.zeros((len(knots), 6))
         for window, (here, hats), s, weight in zip(windows, places, std, weights, strict=True):
             X, Z = (
                 (hats[:, None, :, None] * (part * sizes)[:, :, None, :]).reshape(len(window), 3, -1)
@@ -137,13 +157,21 @@ class _Equations:
                 index.append(self.stop + np.add.outer(3 * here, np.arange(3)).ravel())
             X, common, Z, target = projected(window, s, weight, X, common, Z, window.target[..., None])
             design, instrument = np.hstack([X, common]), np.hstack([Z, common])
+            noise[here] += ((hats**2).T @ (weight[:, None] / s**2) @ _ENTRIES.T) * (gyro_std * sizes) ** 2
             block = np.ix_(np.concatenate(index), np.concatenate(index))
             cross[block] += instrument.T @ design
             square[block] += instrument.T @ instrument
             score[block[1][0]] += instrument.T @ target[:, 0]
-        scale = np.maximum(np.diag(square), _SIGNAL_MIN**2)
+        for k, energy in enumerate(noise):
+            own = slice(6 * k, 6 * k + 6)
+            told = _moving(square[own, own], energy)
+            cross[own], score[own] = told.T @ cross[own], told.T @ score[own]
+            square[own] = told.T @ square[own]
+            square[:, own] = square[:, own] @ told
+        scale = np.maximum(np.diag(square), _ENERGY_MIN)
         gain = scipy.linalg.cho_solve(scipy.linalg.cho_factor(square + np.diag(_RIDGE * scale)), cross).T
-        self.cross, self.score = cross, score
+        self.score = score
+        self.cross = cross
         self.A, self.b = gain @ cross, gain @ score
         for part in (self.A, self.cross):
             part[range(self.count, self.stop), range(self.count, self.stop)] += 1.0

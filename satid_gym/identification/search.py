@@ -65,7 +65,9 @@ class Search:
                 starts += [int(k) for k in places if k > 0]
             course = Course(flight=flights, time=times, starts=tuple(sorted(starts)))
             sizes, common_std = theta_sizes(self.satellite), common_stds(self.logs, self.satellite)
-            found = balance(windows, replace(course, drifts=drifts, walk=walk), sizes, common_std)
+            found = balance(
+                windows, replace(course, drifts=drifts, walk=walk), sizes, common_std, self.satellite.gyro_noise_std
+            )
             for flight, common in found.common.items():
                 lag = common[6:]
                 self.biases[flight] += common[:3]
