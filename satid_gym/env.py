@@ -179,7 +179,7 @@ periodic inertia can do it too |
     | argument | default | values |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "innocube", "random", a `Satellite`, or a list to \
-    draw from |
+draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
 (a tank), "paper", or a `Scenario` |

@@ -38,17 +38,21 @@ class VaryingSettings:
     """Of the first."""
     telemetry: tuple[str, ...] = ("clean", "downlink")
     """Kinds of telemetry."""
+    laws: tuple[str, ...] = LAWS
+    """Of the inertia."""
 
     def check(self) -> None:
         """Refuse what is out of range.
 
         Raises:
-            ValueError: no draws, a negative seed, or another kind of telemetry.
+            ValueError: no draws, a negative seed, or another kind of telemetry or law.
         """
-        if self.draws < 1 or self.seed < 0 or not set(self.telemetry) <= set(SECONDS):
+        if self.draws < 1 or self.seed < 0:
+            raise ValueError(f"draws must be at least 1 and seed at least 0, got {self.draws} and {self.seed}")
+        if not (set(self.telemetry) <= set(SECONDS) and set(self.laws) <= set(LAWS)):
             raise ValueError(
-                f"draws must be at least 1, seed at least 0 and telemetry of {', '.join(SECONDS)}; got {self.draws}, "
-                f"{self.seed} and {', '.join(self.telemetry)}"
+                f"telemetry must be of {', '.join(SECONDS)} and laws of {', '.join(LAWS)}; got "
+                f"{', '.join(self.telemetry)} and {', '.join(self.laws)}"
             )
 
 
@@ -114,7 +118,7 @@ def main(settings: VaryingSettings) -> None:
     """Print the table."""
     rows = []
     for telemetry in settings.telemetry:
-        for law in LAWS:
+        for law in settings.laws:
             print(f"{telemetry}, {law}: {settings.draws} draws ...", file=sys.stderr)
             found = [draw(telemetry, law, settings.seed + number) for number in range(settings.draws)]
             distances = np.concatenate([one.distances for one in found])
@@ -125,12 +129,12 @@ def main(settings: VaryingSettings) -> None:
                     f"{telemetry}, {law}",
                     ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds))),
                     f"{np.mean(np.abs(distances) <= 1.96):.1%}",
-                    f"{np.median([one.nees.mean() for one in found]):.2f}",
+                    f"{np.median(np.concatenate([one.nees for one in found])):.2f}",
                     f"{np.median(np.abs(instants[:, 0])):.2f} s" if len(instants) else "",
                     f"{np.mean(np.abs(instants[:, 0]) <= 1.96 * instants[:, 1]):.0%}" if len(instants) else "",
                 ]
             )
-    heads = ["telemetry, inertia", "said to be", "within 1.96 std", "NEES", "instant's error", "within 1.96 std"]
+    heads = ["telemetry, inertia", "said to be", "within 1.96 std", "median NEES", "instant's error", "within 1.96 std"]
     print(table(heads, rows, 2))
 
 
