@@ -94,7 +94,9 @@ def draw(telemetry: str, law: str, seed: int) -> Drawn:
     found = identify(logs, CUBESAT, varying=True).variation
     assert found is not None
     time = found.time - start
-    true = np.array([inertia_parameters(flown.inertia[k], "full") for k in np.searchsorted(flown.time, time) - 1])
+    true = np.array(
+        [inertia_parameters(flown.inertia[k], "full") for k in np.maximum(np.searchsorted(flown.time, time) - 1, 0)]
+    )
     near = np.zeros(len(time), bool)
     steps = [(step.time - start, step.time_std) for step in found.steps]
     for instant, std in steps + [(at, 0.0)] * (law == "step"):
