@@ -12,6 +12,7 @@ from baselines.identification.recorded import CUBESAT, clean_log, drawn, motion,
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.identification import NotIdentifiedError, SlipError, identify
 from satid_gym.identification.record import record
+from satid_gym.identification.variation import Step, is_of_a_satellite
 from satid_gym.telemetry import Log, read_log, read_logs
 from satid_gym.telemetry.units import RPM
 from tests.cases import cases
@@ -242,3 +243,67 @@ def test_a_nominal_inertia_twice_off_changes_nothing_and_one_five_times_off_is_a
     np.testing.assert_allclose(twice.inertia, identify(log, CUBESAT).inertia, atol=1e-6)
     with pytest.raises(SlipError, match="or is nominal so far off"):
         identify(log, CUBESAT.replace(inertia=5.0 * CUBESAT.inertia))
+
+
+@functools.cache
+def varied(size):
+    """Variation of a flight whose inertia steps by a share at 60.05 s, and the truth."""
+    rng = np.random.default_rng(3)
+    truth = drawn(CUBESAT, rng)
+    law = satid_gym.InertiaLaw("step", size=size, time=60.0) if size else None
+    flown = motion(truth, rng, 120.0, law=law)
+    return identify(clean_log(flown, CUBESAT, rng), CUBESAT, varying=True), flown
+
+
+def test_a_constant_inertia_is_said_to_be_constant():
+    found, _ = varied(0.0)
+    assert found.variation.kind == "constant"
+    assert found.variation.p > 0.01
+    assert not found.variation.steps
+    assert 0.0 < found.variation.detectable < 0.05
+    np.testing.assert_allclose(found.variation.covariance[0], found.covariance)
+
+
+def test_a_step_is_found_with_its_instant_and_both_inertias():
+    found, flown = varied(0.1)
+    (step,) = found.variation.steps
+    assert found.variation.kind == "steps"
+    assert found.variation.p < 0.01
+    assert abs(step.time - 60.05) < max(3.5 * step.time_std, 0.1)
+    change = inertia_parameters(flown.inertia[-1], "full") - inertia_parameters(flown.inertia[0], "full")
+    assert np.abs((step.change - change) / step.change_std).max() < 4.0
+    assert record(found)["variation"]["steps"][0]["time_s"] == step.time
+
+
+def test_what_was_not_asked_for_is_not_there():
+    found = identify(first(clean()[1], 1500), CUBESAT)
+    assert found.variation is None
+    assert "variation" not in record(found)
+
+
+def test_a_step_that_no_satellite_makes_is_not_given():
+    """A moment that changes fourfold is taken for a failure of the balance, and so is a step that is told in part."""
+    whole = np.array([6.0, 5.0, 4.0, 0.1, 0.0, 0.1])
+    told, known = np.diag(np.full(6, 1e-6)), np.full(6, 1e-3)
+
+    def step(before, change_std=known):
+        change = whole - before
+        return Step(
+            flight=0,
+            time=1.0,
+            time_std=0.1,
+            jumped=False,
+            before=before,
+            after=whole,
+            change=change,
+            change_std=change_std,
+        )
+
+    assert is_of_a_satellite(step(0.8 * whole), whole, told)
+    assert not is_of_a_satellite(step(0.0 * whole), whole, told)
+    assert not is_of_a_satellite(step(5.0 * whole), whole, told)
+    half = np.where(np.arange(6) == 0, np.nan, known)
+    assert not is_of_a_satellite(step(0.8 * whole, half), whole, told)
+    untold = told.copy()
+    untold[0, 0] = np.nan
+    assert is_of_a_satellite(step(0.8 * whole, half), whole, untold)

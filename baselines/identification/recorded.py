@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from satid_gym import ReactionWheels, Satellite, Trajectory, simulate
+from satid_gym import InertiaLaw, ReactionWheels, Satellite, Trajectory, simulate
 from satid_gym.telemetry import Log
 
 BIAS_STD = 1e-3  # rad/s, of the gyro's constant bias, drawn for each flight
@@ -32,7 +32,13 @@ def drawn(satellite: Satellite, rng: np.random.Generator) -> Satellite:
             return satellite.replace(inertia=tilt @ np.diag(moments) @ tilt.T)
 
 
-def motion(satellite: Satellite, rng: np.random.Generator, seconds: float, share: float = 0.5) -> Trajectory:
+def motion(
+    satellite: Satellite,
+    rng: np.random.Generator,
+    seconds: float,
+    share: float = 0.5,
+    law: InertiaLaw | None = None,
+) -> Trajectory:
     """A flight of slews, sampled at 10 Hz: body torque in pulses that bring the rates to and fro within the limit."""
     wheels, count = satellite.wheels, round(10 * seconds)
     wanted = np.zeros((count, 3))
@@ -51,7 +57,14 @@ def motion(satellite: Satellite, rng: np.random.Generator, seconds: float, share
     push = satellite.disturbance_std * rng.normal(size=3)
     attitude = rng.normal(size=4)
     return simulate(
-        satellite, torque @ allocation.T, 0.1, wheel_speed0=speed, disturbance=push, attitude0=attitude, substeps=2
+        satellite,
+        torque @ allocation.T,
+        0.1,
+        wheel_speed0=speed,
+        disturbance=push,
+        attitude0=attitude,
+        substeps=2,
+        law=law,
     )
 
 

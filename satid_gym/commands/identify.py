@@ -10,12 +10,13 @@ from typing import Any
 from satid_gym.commands.words import as_typed
 from satid_gym.files import check_writable, write_bytes, write_json, write_text
 from satid_gym.identification import identify
-from satid_gym.identification.record import lines, record
+from satid_gym.identification.record import lines, record, variation_lines
 from satid_gym.telemetry import read_logs
 
 _EXAMPLES = """examples:
   satid identify flight.csv --satellite microsat
   satid identify flights/ --satellite sat.toml --output results
+  satid identify flight.csv --satellite microsat --varying
   satid identify a.parquet b.parquet --satellite sat.toml --columns time=unix_s rate=gx,gy,gz wheel_speed=w1,w2,w3 \\
       --units rate=deg/s wheel_speed=rpm
 
@@ -41,6 +42,7 @@ def add(parts: Any) -> None:
     )
     own.add_argument("--units", nargs="+", default=[], metavar="ROLE=UNIT", help="such as rate=deg/s wheel_speed=-rpm")
     own.add_argument("--window", type=float, default=40.0, help="s that share a momentum and a torque; default 40")
+    own.add_argument("--varying", action="store_true", help="ask how the inertia varies over time, too: steps, drifts")
     own.add_argument("--output", type=Path, default=Path("identification"), help="folder; default identification")
     own.set_defaults(run=run)
 
@@ -56,8 +58,10 @@ def run(given: argparse.Namespace) -> int:
     check_writable(given.output)
     logs = read_logs(given.log, columns or None, units)
     print(f"{len(logs)} flights, {sum(map(len, logs))} readings; identifying ...", file=sys.stderr)
-    found = identify(logs, given.satellite, window=given.window)
+    found = identify(logs, given.satellite, window=given.window, varying=given.varying)
     print("\n".join(lines(found)))
+    if found.variation is not None:
+        print("\n".join(["", *variation_lines(found.variation)]))
     for note in found.notes:
         print(f"note: {note}", file=sys.stderr)
     command = as_typed(given.words)

@@ -24,13 +24,21 @@ _BIAS_STD = 1e-2  # rad/s, of a gyro whose data sheet says nothing: 0.6 deg/s, a
 class Estimated:
     """A fit with the windows it is of, and the delays (F, 2), s, of wheel speeds and attitude against the gyro.
 
-    The standard deviation of a delay that was not estimated is infinite.
+    The standard deviation of a delay that was not estimated is infinite; `biases` (F, 3), rad/s, are the gyros'.
     """
 
     fit: Fit
     windows: list[Window]
     delays: np.ndarray
     delays_std: np.ndarray
+    biases: np.ndarray
+
+
+def common_stds(logs: Sequence[Log], satellite: Satellite) -> np.ndarray:
+    """(8,) prior standard deviations of what a flight has in common: bias, rad/s, torque, N m, and delays, s."""
+    bias = satellite.tolerances.gyro_bias or _BIAS_STD
+    interval = max(log.interval for log in logs)
+    return np.array([*[bias] * 3, *[_TORQUES * satellite.disturbance_std] * 3, interval, interval])
 
 
 def theta_sizes(satellite: Satellite) -> np.ndarray:
@@ -65,9 +73,7 @@ def estimate(
     delays, delays_std = np.zeros((len(logs), 2)), np.full((len(logs), 2), np.inf)
     biases = np.zeros((len(logs), 3))
     sizes = theta_sizes(satellite)
-    bias = satellite.tolerances.gyro_bias or _BIAS_STD
-    interval = max(log.interval for log in logs)
-    common_std = np.array([*[bias] * 3, *[_TORQUES * satellite.disturbance_std] * 3, interval, interval])
+    common_std, interval = common_stds(logs, satellite), max(log.interval for log in logs)
     for _ in range(turns):
         windows = [
             row
@@ -90,4 +96,4 @@ def estimate(
             delays[number, : len(lag)] += np.clip(lag, -2.0 * interval, 2.0 * interval)
             told = share.common_std[6:] < _TOLD * interval
             delays_std[number, : len(lag)] = np.where(told, share.common_std[6:], np.inf)
-    return Estimated(fit=found, windows=windows, delays=delays, delays_std=delays_std)
+    return Estimated(fit=found, windows=windows, delays=delays, delays_std=delays_std, biases=biases)

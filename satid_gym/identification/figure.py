@@ -10,6 +10,7 @@ import numpy as np
 from satid_gym.estimators.batch.regression import NAMES
 from satid_gym.identification.flights import OUTLIER
 from satid_gym.identification.identify import Identification
+from satid_gym.identification.variation import Variation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,8 +33,13 @@ def png(found: Identification) -> bytes:
     figure = Figure(figsize=(11.0, 11.5), layout="constrained")
     top, middle, bottom = np.ravel(np.array(figure.subfigures(3, 1, height_ratios=[1.5, 1.0, 0.8])))
     for k, axes in enumerate(np.ravel(top.subplots(2, 3))):
-        _estimate(axes, found, k)
-    top.supxlabel("flight", fontsize=9)
+        if found.variation is None:
+            _estimate(axes, found, k)
+        else:
+            _over_time(axes, found, found.variation, k)
+    top.supxlabel(
+        "flight" if found.variation is None else "time in flights 1, 2, ... one after the other, s", fontsize=9
+    )
     _legend(top)
     _residuals(middle.subplots(), found)
     _legend(middle, markerscale=3)
@@ -74,6 +80,28 @@ def _estimate(axes: Axes, found: Identification, k: int) -> None:
         axes.set_ylim(value - reach, value + reach)
     axes.set_xticks(numbers if len(numbers) <= _FLIGHTS_MAX else numbers[:: len(numbers) // _FLIGHTS_MAX + 1])
     axes.set_xlim(0.5, len(numbers) + 0.5)
+    axes.tick_params(labelsize=8)
+
+
+def _over_time(axes: Axes, found: Identification, varied: Variation, k: int) -> None:
+    """A parameter over the rotor and over time: band of two standard deviations, and where it steps."""
+    rotor, start = found.satellite.wheels.inertia[0], 0.0
+    axes.set_title(f"{NAMES[k]} / rotor inertia", fontsize=10)
+    if not np.isfinite(varied.theta[:, k]).any():
+        axes.text(0.5, 0.5, "the data do not tell", ha="center", transform=axes.transAxes)
+    for flight in np.unique(varied.flight):
+        mine = varied.flight == flight
+        time = start + varied.time[mine] - varied.time[mine][0]
+        value, std = varied.theta[mine, k] / rotor, varied.std[mine, k] / rotor
+        label = "over time, 2 std" if start == 0.0 else None
+        axes.fill_between(time, value - 2.0 * std, value + 2.0 * std, color=_COLOURS[0], alpha=0.18, label=label)
+        axes.plot(time, value, color=_COLOURS[0], linewidth=1.4)
+        for step in varied.steps:
+            if step.flight == flight:
+                at = start + np.nan_to_num(step.time - varied.time[mine][0])
+                axes.axvline(at, color=_COLOURS[1], linewidth=0.8, linestyle=":")
+        start = float(time[-1]) * 1.02
+        axes.axvline(start, color="0.8", linewidth=0.8)
     axes.tick_params(labelsize=8)
 
 

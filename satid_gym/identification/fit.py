@@ -18,7 +18,7 @@ import numpy as np
 
 from satid_gym.identification.rows import Window
 
-_BISQUARE = 6.0  # distance of an instant's three residuals at which its weight is 0; that of pure noise is 1.5
+BISQUARE = 6.0  # distance of an instant's three residuals at which its weight is 0; that of pure noise is 1.5
 _ROUNDS = 12
 _QUIET = 0.01  # an axis that always reads the same is believed this share of the noisiest one's noise
 _FLAT = 100.0  # sizes of theta: standard deviation of a prior that only keeps the equations solvable
@@ -97,19 +97,19 @@ def fit(
         given: (6,) theta that is taken as it is, to see how well it predicts; None: it is estimated.
     """
     weights = [np.ones(len(window)) for window in windows]
-    sigma, jitter = _first_noise(windows), 0.0
+    sigma, jitter = first_noise(windows), 0.0
     for _ in range(_ROUNDS):
         std = [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
         ready = [_project(w, s, weight) for w, s, weight in zip(windows, std, weights, strict=True)]
         theta, covariance, shares = _solve(windows, ready, scale, common_std, given)
         residuals = [
-            _residual(window, s, weight, np.concatenate([theta, shares[window.flight].common]))
+            residual_of(window, s, weight, theta, shares[window.flight].common)
             for window, s, weight in zip(windows, std, weights, strict=True)
         ]
-        sigma, jitter = _noise(windows, residuals)
+        sigma, jitter = noise_of(windows, residuals)
         std = [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
         normal = [residual / s for residual, s in zip(residuals, std, strict=True)]
-        before, weights = weights, [_bisquare(rows) for rows in normal]
+        before, weights = weights, [bisquare(rows) for rows in normal]
         if max(np.abs(new - old).max() for new, old in zip(weights, before, strict=True)) < 1e-3:
             break
     signal, unexplained = _signal(windows, weights, residuals)
@@ -127,16 +127,18 @@ def fit(
     )
 
 
-def _project(window: Window, std: np.ndarray, weight: np.ndarray) -> _Rows:
+def projected(window: Window, std: np.ndarray, weight: np.ndarray, *parts: np.ndarray) -> list[np.ndarray]:
+    """Parts (N, 3, k) of a window's rows as (3 N, k) in units of noise, without what the window has for itself."""
     root = (np.sqrt(weight)[:, None] / std)[..., None]
-
-    def rows(values: np.ndarray) -> np.ndarray:
-        return (values * root).reshape(3 * len(window), -1)
-
-    basis, values, _ = np.linalg.svd(rows(window.own), full_matrices=False)
+    own, *rows = ((part * root).reshape(3 * len(window), -1) for part in (window.own, *parts))
+    basis, values, _ = np.linalg.svd(own, full_matrices=False)
     basis = basis[:, values > 1e-9 * values[0]]
-    parts = [rows(part) for part in (window.regressor, window.common, window.instrument, window.target[..., None])]
-    design, common, instrument, target = (part - basis @ (basis.T @ part) for part in parts)
+    return [part - basis @ (basis.T @ part) for part in rows]
+
+
+def _project(window: Window, std: np.ndarray, weight: np.ndarray) -> _Rows:
+    parts = (window.regressor, window.common, window.instrument, window.target[..., None])
+    design, common, instrument, target = projected(window, std, weight, *parts)
     return _Rows(np.hstack([design, common]), np.hstack([instrument, common]), target[:, 0])
 
 
@@ -183,21 +185,24 @@ def _solve(
     return theta, inverse @ (spread + flat) @ inverse.T, shares
 
 
-def _residual(window: Window, std: np.ndarray, weight: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-    """(N, 3) N m s, after the window's own unknowns have taken what they can."""
-    rest = window.target - np.concatenate([window.regressor, window.common], axis=2) @ unknown
+def residual_of(
+    window: Window, std: np.ndarray, weight: np.ndarray, theta: np.ndarray, common: np.ndarray
+) -> np.ndarray:
+    """(N, 3) N m s with theta (6,), or (N, 6) of each row, after the window's own unknowns have taken what they can."""
+    known = np.broadcast_to(theta, (len(window), 6))
+    rest = window.target - np.einsum("nip,np->ni", window.regressor, known) - window.common @ common
     root = (np.sqrt(weight)[:, None] / std)[..., None]
     own = np.linalg.lstsq((window.own * root).reshape(-1, 6), (rest * root[..., 0]).ravel(), rcond=1e-9)[0]
     return rest - window.own @ own
 
 
-def _first_noise(windows: Sequence[Window]) -> np.ndarray:
+def first_noise(windows: Sequence[Window]) -> np.ndarray:
     """(3,) of the target's changes from row to row, as a start."""
     steps = np.concatenate([np.diff(window.target, axis=0) for window in windows])
     return np.maximum(1.4826 * np.median(np.abs(steps), axis=0), 1e-3 * np.abs(steps).max() + 1e-300)
 
 
-def _noise(windows: Sequence[Window], residuals: list[np.ndarray]) -> tuple[np.ndarray, float]:
+def noise_of(windows: Sequence[Window], residuals: list[np.ndarray]) -> tuple[np.ndarray, float]:
     """Noise by axis from the calmer half of the rows, and that of the stamps from the other half."""
     rest, motion = np.concatenate(residuals), np.concatenate([window.motion for window in windows])
     freedom = 3.0 * len(rest) / max(3.0 * len(rest) - 6.0 * len(windows) - 11.0, 1.0)
@@ -216,9 +221,9 @@ def _noise(windows: Sequence[Window], residuals: list[np.ndarray]) -> tuple[np.n
     return sigma, low
 
 
-def _bisquare(normal: np.ndarray) -> np.ndarray:
+def bisquare(normal: np.ndarray) -> np.ndarray:
     """Weights (N,) of instants by the length of their three residuals."""
-    share = (normal**2).sum(axis=1) / _BISQUARE**2
+    share = (normal**2).sum(axis=1) / BISQUARE**2
     return np.clip(1.0 - share, 0.0, None) ** 2
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,12 +63,7 @@ def parts_of(logs: Sequence[Log], window: float) -> list[Log]:
         return [log]
     edges = np.linspace(log.time[0], log.time[-1], count + 1)[1:-1]
     which = np.searchsorted(edges, log.time)
-    return [_rows(log, which == k) for k in range(count) if (which == k).sum() > 2]
-
-
-def _rows(log: Log, keep: np.ndarray) -> Log:
-    attitude = None if log.attitude is None else log.attitude[keep]
-    return replace(log, time=log.time[keep], rate=log.rate[keep], wheel_speed=log.wheel_speed[keep], attitude=attitude)
+    return [log.rows(which == k) for k in range(count) if (which == k).sum() > 2]
 
 
 def folds(logs: Sequence[Log], satellite: Satellite, window: float) -> dict[int, np.ndarray]:

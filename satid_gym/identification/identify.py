@@ -21,6 +21,7 @@ from satid_gym.identification.flights import FlightReport, flight_reports, folds
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
 from satid_gym.identification.rows import ROWS_MIN
 from satid_gym.identification.slips import check_attitude, check_fit
+from satid_gym.identification.variation import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
@@ -48,6 +49,7 @@ class Identification:
         whiteness: of the residuals.
         jitter: s, scatter of the stamps of one channel against another.
         notes: what was found, a line each.
+        variation: inertia over time, where it was asked for; all the rest is of a constant one.
     """
 
     satellite: Satellite
@@ -62,9 +64,12 @@ class Identification:
     whiteness: Whiteness
     jitter: float
     notes: tuple[str, ...]
+    variation: Variation | None = None
 
 
-def identify(logs: Log | Sequence[Log], satellite: SatelliteLike, *, window: float = 40.0) -> Identification:
+def identify(
+    logs: Log | Sequence[Log], satellite: SatelliteLike, *, window: float = 40.0, varying: bool = False
+) -> Identification:
     """Inertia tensor from recorded gyro and wheel speeds, of one flight or several.
 
     The momentum of body and wheels balances in windows of 40 s, each with a momentum and a linear torque of its own,
@@ -77,6 +82,7 @@ def identify(logs: Log | Sequence[Log], satellite: SatelliteLike, *, window: flo
         satellite: name, file, mapping or `Satellite`: its wheels as built, and a nominal inertia, which tells slips of
             units from data and does not enter the estimate.
         window: s.
+        varying: whether to ask how the inertia varies over time, too; see `satid_gym.identification.variation`.
 
     Raises:
         NotIdentifiedError: the logs tell none of the moments of inertia; the message says why.
@@ -133,7 +139,13 @@ def identify(logs: Log | Sequence[Log], satellite: SatelliteLike, *, window: flo
         *reading_notes(logs),
     ]
     rotor = own.wheels.inertia[0]
-    whole = covariance + _rotors(logs, own, window, estimated)
+    rotors = _rotors(logs, own, window, estimated)
+    whole = covariance + rotors
+    varied = None
+    if varying:
+        apart = fit.theta - straight
+        varied = variation(logs, own, window, estimated, whole, np.outer(apart, apart) + rotors)
+        notes += _variation_notes(varied, logs)
     inertia, std = inertia_tensors(theta), np.sqrt(np.diag(whole))
     moments = (Parameter(name=n, value=float(v), std=float(s)) for n, v, s in zip(NAMES, theta, std, strict=True))
     return Identification(
@@ -149,7 +161,19 @@ def identify(logs: Log | Sequence[Log], satellite: SatelliteLike, *, window: flo
         whiteness=white,
         jitter=fit.jitter,
         notes=tuple(notes),
+        variation=varied,
     )
+
+
+def _variation_notes(varied: Variation, logs: Sequence[Log]) -> list[str]:
+    """What the reader of a variation should know."""
+    if varied.kind == "not told":
+        return ["the inertia over time is not told: the logs are too short, or move too little"]
+    return [
+        f"{logs[flight].name}: the balance of momentum fails at {time:.10g} s as no satellite's inertia can make it (a "
+        "long rest, or a fault of a sensor or its stamps): the inertia over time is not told"
+        for flight, time in varied.doubted
+    ]
 
 
 def _rotors(logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from satid_gym.estimators.batch.regression import NAMES
 from satid_gym.html_page import bullets, document, image, table
 from satid_gym.identification.identify import Identification
-from satid_gym.identification.record import rounded
+from satid_gym.identification.record import rounded, variation_lines
 
 
 def page(found: Identification, picture: bytes, command: str) -> str:
@@ -31,6 +31,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
         f"<p>Rotor: {found.satellite.wheels.inertia[0]:.4g} kg m², as given; only inertia over rotor inertia is "
         "observable.</p>",
         image(picture, "Estimates by flight, residuals, share of information"),
+        *_over_time(found),
         "<h2>Flights</h2>",
         table(
             (
@@ -66,6 +67,14 @@ def page(found: Identification, picture: bytes, command: str) -> str:
         f"<p><code>{html.escape(command)}</code></p>",
     ]
     return document(f"Inertia of {found.satellite.name}", parts)
+
+
+def _over_time(found: Identification) -> list[str]:
+    """What was asked of the inertia over time."""
+    if found.variation is None:
+        return []
+    said = "\n".join(variation_lines(found.variation))
+    return ["<h2>Inertia over time</h2>", f"<pre>{html.escape(said)}</pre>"]
 
 
 def _parameters(found: Identification) -> list[tuple[str, ...]]:

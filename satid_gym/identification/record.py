@@ -9,7 +9,18 @@ from typing import Any
 import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
+from satid_gym.identification.changes import FALSE_ALARM
 from satid_gym.identification.identify import Identification
+from satid_gym.identification.variation import Variation
+
+SAID = {
+    "constant": "constant, for all that the data say",
+    "steps": "it steps",
+    "drift": "it drifts",
+    "steps and drift": "it steps, and drifts between the steps",
+    "not told": "the data are too few to tell whether it is constant",
+    "not explained": "no course of it explains the data",
+}
 
 
 def plain(value: Any) -> Any:
@@ -70,8 +81,57 @@ def record(found: Identification) -> dict[str, Any]:
             }
             for flight in found.flights
         ],
+        **({} if found.variation is None else {"variation": _variation(found.variation)}),
         "notes": list(found.notes),
     }
+
+
+def _variation(found: Variation) -> dict[str, Any]:
+    return {
+        "kind": found.kind,
+        "p": found.p,
+        "false_alarm": FALSE_ALARM,
+        "detectable_step": plain(found.detectable),
+        "doubted": [{"flight": flight, "time_s": plain(time)} for flight, time in found.doubted],
+        "flight": found.flight.tolist(),
+        "time_s": plain(found.time),
+        "theta": plain(found.theta),
+        "std": plain(found.std),
+        "steps": [
+            {
+                "flight": step.flight,
+                "time_s": plain(step.time),
+                "time_std_s": plain(step.time_std),
+                "momentum_jumped": step.jumped,
+                **{
+                    name: dict(zip(NAMES, plain(getattr(step, name)), strict=True))
+                    for name in ("before", "after", "change", "change_std")
+                },
+            }
+            for step in found.steps
+        ],
+    }
+
+
+def variation_lines(found: Variation) -> Iterator[str]:
+    """What is said of a variation, and a table of what it steps by, for a terminal."""
+    yield f"inertia over time: {SAID[found.kind]}"
+    if found.kind in ("constant", "not told"):
+        yield f"a step of {found.detectable:.2g} of it would be found half of the time"
+    for number, step in enumerate(found.steps, start=1):
+        where = f"before flight {step.flight + 1}"
+        if np.isfinite(step.time):
+            where = f"in flight {step.flight + 1} at {step.time:.10g} +- {step.time_std:.2g} s"
+        jumped = ", and the momentum with it" if step.jumped else ""
+        yield f"step {number}, {where}{jumped}; kg m^2:"
+        yield f"{'':5s}{'before':>14s}{'after':>14s}{'change':>14s}{'1 std':>12s}"
+        for k, name in enumerate(NAMES):
+            if np.isfinite(step.change_std[k]):
+                change, std = rounded(step.change[k], step.change_std[k])
+                before, after = (f"{value[k]:.{len(std) - 2}f}" for value in (step.before, step.after))
+                yield f"{name:5s}{before:>14s}{after:>14s}{change:>14s}{std:>12s}"
+            else:
+                yield f"{name:5s}{'the data do not tell':>26s}"
 
 
 def lines(found: Identification) -> Iterator[str]:

@@ -13,6 +13,7 @@ interrupts, and g turns it: p is the window's mean momentum, C h. With attitude 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,7 @@ def windows_of(
     length: float,
     *,
     straight: bool = False,
+    breaks: Sequence[float] = (),
 ) -> list[Window]:
     """Windows of a log.
 
@@ -85,6 +87,7 @@ def windows_of(
         delays: (2,) present d_w and d_a, s; the columns are for what is left of them.
         length: of a window, s.
         straight: whether wheel speeds run on straight lines between readings, instead of splines.
+        breaks: s of the log's clock; instants at which a window ends.
     """
     channels = [log.rate, log.wheel_speed] + ([] if log.attitude is None else [log.attitude])
     good = np.isfinite(np.hstack(channels)).all(axis=1)
@@ -93,7 +96,10 @@ def windows_of(
     good &= np.isfinite(speed).all(axis=1)
     index = np.flatnonzero(good)
     found = []
-    for part in _parts(time[index], omega[index], length, log.attitude is None, log.interval):
+    broken = np.isin(np.arange(len(index)), np.searchsorted(log.time[index], breaks))[1:]
+    if log.attitude is None:
+        broken |= _lost(time[index], omega[index], log.interval)
+    for part in _parts(time[index], broken, length, log.interval):
         rows = index[part]
         if len(rows) < ROWS_MIN:
             continue
@@ -132,15 +138,17 @@ def windows_of(
     return found
 
 
-def _parts(time: np.ndarray, omega: np.ndarray, length: float, whole: bool, interval: float) -> list[np.ndarray]:
-    """Places of each window; without attitude (`whole`) a window ends at a gap or at a turn too wide to integrate."""
+def _lost(time: np.ndarray, omega: np.ndarray, interval: float) -> np.ndarray:
+    """(N - 1,) whether the gyro alone does not give the attitude after it: a gap, or a turn too wide to integrate."""
+    step = np.diff(time)
+    turn = step * np.linalg.norm(0.5 * (omega[1:] + omega[:-1]), axis=1)
+    return np.asarray((step > GAP * interval) | (turn > TURN_MAX))
+
+
+def _parts(time: np.ndarray, broken: np.ndarray, length: float, interval: float) -> list[np.ndarray]:
+    """Places of each window; none goes on where the rows are broken (N - 1,)."""
     if len(time) == 0:
         return []
-    step = np.diff(time)
-    broken = np.zeros(len(step), bool)
-    if whole:
-        turn = step * np.linalg.norm(0.5 * (omega[1:] + omega[:-1]), axis=1)
-        broken = (step > GAP * interval) | (turn > TURN_MAX)
     stretch = np.concatenate([[0], np.cumsum(broken)])
     parts = []
     for number in range(stretch[-1] + 1):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -61,6 +62,13 @@ class Log:
         """Start and length, s, of the intervals that are longer than 2.5 medians."""
         steps = np.diff(self.time)
         return [(float(self.time[i]), float(steps[i])) for i in np.flatnonzero(steps > GAP * self.interval)]
+
+    def rows(self, keep: np.ndarray) -> Self:
+        """The log with the rows (N,) that are to be kept only."""
+        attitude = None if self.attitude is None else self.attitude[keep]
+        return replace(
+            self, time=self.time[keep], rate=self.rate[keep], wheel_speed=self.wheel_speed[keep], attitude=attitude
+        )
 
     def __len__(self) -> int:
         return len(self.time)
