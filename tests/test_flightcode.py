@@ -17,8 +17,9 @@ from satid_gym.flightcode.measure import compiled
 from satid_gym.flightcode.policy_source import template
 from satid_gym.flightcode.translator import Translator
 from satid_gym.flightcode.vectors import expected, flight
-from satid_gym.flightcode.writer import texts
+from satid_gym.flightcode.writer import texts, write
 from satid_gym.policies import build
+from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
 from tests.cases import cases
@@ -158,7 +159,7 @@ def test_no_reading_makes_it_command_what_is_not_finite_or_beyond_a_limit(kind, 
     for episode in range(20):
         flown.start(0.0, np.zeros(3), np.zeros(n))
         for k in range(1, 250):
-            garbage = rng.integers(0, 2**63, 3 + n, dtype=np.uint64).view(float)
+            garbage = np.frombuffer(rng.bytes(8 * (3 + n)))
             wild = np.concatenate([rng.uniform(-10.0, 10.0, 3) * rate, rng.uniform(-1.5, 1.5, n) * speed])
             what = rng.integers(3) if episode % 2 else 1
             values = (garbage, wild, np.where(rng.random(3 + n) < 0.3, np.nan, 0.0))[what]
@@ -308,3 +309,27 @@ def test_the_translation_computes_what_python_does(function, tmp_path):
         mine, own = list(a), (ctypes.c_double * 3)(*a)
         expected_value = function(x, y, np.array(mine))
         assert entry(ctypes.c_double(x), ctypes.c_double(y), own) == pytest.approx(expected_value, rel=1e-14)
+
+
+def test_another_policy_in_the_same_folder_leaves_nothing_of_the_first(tmp_path):
+    write(tmp_path, Pilot("microsat", "rate_square", control="rate"))
+    names = write(tmp_path, Pilot("microsat", "multi_step"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+
+
+def test_a_pilot_that_flies_flies_on_while_it_is_written(tmp_path):
+    pilots = [Pilot("microsat", "multi_step") for _ in range(2)]
+    for pilot in pilots:
+        pilot.start(0.0, np.zeros(3), np.zeros(3))
+    write(tmp_path, pilots[0])
+    after = [pilot.step(0.1 * k, np.zeros(3), np.zeros(3)) for pilot in pilots for k in range(1, 80)]
+    np.testing.assert_array_equal(after[:79], after[79:])
+
+
+def test_a_policy_of_ones_own_is_not_taken_for_its_parent(tmp_path):
+    class Half(RateSquarePolicy):
+        def __call__(self, observation):
+            return 0.5 * super().__call__(observation)
+
+    with pytest.raises(ValueError, match="rate_square is a Half, of its own, and has no C"):
+        write(tmp_path, Pilot("microsat", Half(12.0, 3.0)))

@@ -196,9 +196,7 @@ def main(study: BasiliskStudy) -> int:
             write_json(study.output, {**head, "cells": list(done.values())})
             bar.update()
     bar.close()
-    cells = [done[own] for own in wanted]
-    write_json(study.output, {**head, "cells": cells})
-    show(cells)
+    show([done[own] for own in wanted])
     return 0
 
 

@@ -37,6 +37,8 @@ class Assignments(Expressions):
         before = self.value(loaded(node.target))
         result = self.operate(node, node.op, before, value)
         if isinstance(node.target, ast.Name):
+            if node.target.id in self.source.loops:
+                raise self.source.refuse(node, "an assignment to a loop's variable")
             self._settle(node.target.id, result.type, node)
         elif before.type == INT and result.type != INT:
             raise self.source.refuse(node, "an integer that becomes another number")

@@ -71,13 +71,13 @@ class Expressions(Operators):
         if not isinstance(base.type, Array):
             raise self.source.refuse(node, "an index of what has no parts")
         if isinstance(node.slice, ast.Slice):
-            return self._slice(base, base.type, node.slice)
+            return self._part_of_array(base, base.type, node.slice)
         kind: Type = base.type
         code = base.code
         for index in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
             if not isinstance(kind, Array):
                 raise self.source.refuse(node, "more indices than the array has")
-            code, kind = f"{code}[{self.value(index).code}]", kind.row
+            code, kind = f"{code}[{self._within(index, kind.shape[0]).code}]", kind.row
         return Value(f"&{code}" if isinstance(kind, Record) else code, kind)
 
     def _length(self, node: ast.Subscript) -> Value:
@@ -89,16 +89,30 @@ class Expressions(Operators):
 
     def _part(self, base: Value, node: ast.Subscript) -> Value:
         assert isinstance(base.type, Tuple)
-        index = self.value(node.slice)
+        index = self._within(node.slice, len(base.type.parts))
         if base.type.is_uniform:
             return Value(f"{base.within(POSTFIX)}.v[{index.code}]", base.type.parts[0])
         if index.constant is None:
             raise self.source.refuse(node, "a variable index of a tuple of several types")
         return Value(f"{base.within(POSTFIX)}.f{index.constant}", base.type.parts[index.constant])
 
-    def _slice(self, base: Value, kind: Array, node: ast.Slice) -> Value:
+    def _within(self, node: ast.expr, length: int | None) -> Value:
+        """An index; one that is known is counted from the start, and refused where nothing is."""
+        index = self.value(node)
+        if index.constant is None:
+            return index
+        if index.constant < 0 and length is not None:
+            index = literal(index.constant + length)
+        if index.constant < 0 or (length is not None and index.constant >= length):
+            raise self.source.refuse(node, "an index beyond what is there")
+        return index
+
+    def _part_of_array(self, base: Value, kind: Array, node: ast.Slice) -> Value:
         low = literal(0) if node.lower is None else self.value(node.lower)
         high = literal(kind.shape[0]) if node.upper is None else self.value(node.upper)
+        beyond = kind.shape[0] is not None and (high.constant or 0) > kind.shape[0]
+        if node.step is not None or beyond or any((end.constant or 0) < 0 for end in (low, high)):
+            raise self.source.refuse(node, "a part of an array by steps, from its end, or beyond it")
         known = low.constant is not None and high.constant is not None
         length = max(high.constant - low.constant, 0) if known else None
         return Value(f"{base.code} + {low.within(PRODUCT)}", Array(kind.element, (length, *kind.shape[1:])), None, SUM)

@@ -117,7 +117,7 @@ class Operators:
             raise self.source.refuse(node, f"a {type(node.op).__name__}")
         if of.constant is not None:
             return literal(-of.constant)
-        return Value(f"-{of.within(POSTFIX)}", of.type, None, UNARY)
+        return Value(f"-{of.within(POSTFIX)}", INT if of.type == BOOL else of.type, None, UNARY)
 
     def _binop(self, node: ast.BinOp) -> Value:
         left, right = self.value(node.left), self.value(node.right)
@@ -157,8 +157,9 @@ class Operators:
         if left.constant is not None and right.constant is not None:
             return literal(left.constant**right.constant)
         if right.constant == 2:
-            name = {DOUBLE: "satid_square", INT: "satid_square_integer"}[left.type]  # type: ignore[index]
-            return self.counted(Value(f"{name}({left.code})", left.type))
+            if left.type != DOUBLE:
+                raise self.source.refuse(node, "the square of an integer")
+            return self.counted(Value(f"satid_square({left.code})", DOUBLE))
         if right.constant == 0.5:
             return self.counted(Value(f"sqrt({left.code})", DOUBLE))
         raise self.source.refuse(node, "a power other than 2 and 0.5")

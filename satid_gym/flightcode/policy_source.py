@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, field
 from importlib.resources import files
 
@@ -86,6 +87,11 @@ def policy_source(pilot: Pilot) -> PolicySource:
         ValueError: it plans, or is of a kind that has no C.
     """
     policy = pilot.policy
+    known = (LearnedPolicy, RateSquarePolicy, ShapedSquarePolicy, *_SCRIPTS)
+    if isinstance(policy, known) and type(policy) not in known:
+        raise ValueError(
+            f"policy {policy.name} is a {type(policy).__name__} of its own, and has no C: give one of the library's"
+        )
     if isinstance(policy, LearnedPolicy):
         return _learned(pilot, policy)
     if isinstance(policy, RateSquarePolicy):
@@ -152,8 +158,9 @@ def _shaped(pilot: Pilot, policy: ShapedSquarePolicy) -> PolicySource:
 
 def _script(pilot: Pilot) -> PolicySource:
     size = max(place.stop for place in pilot.problem.layout.values())
-    pilot.policy.reset(pilot.mission, [pilot.seed])
-    rows = [pilot.policy(np.zeros((1, size), np.float32))[0] for _ in range(pilot.problem.scenario.decisions)]
+    policy = copy.deepcopy(pilot.policy)  # one that is flying keeps its place
+    policy.reset(pilot.mission, [pilot.seed])
+    rows = [policy(np.zeros((1, size), np.float32))[0] for _ in range(pilot.problem.scenario.decisions)]
     head = "/* Action of each decision. */\nstatic const double SCRIPT[SATID_DECISIONS][SATID_ACTIONS] = {\n"
     body = "".join(f"    {_braces(row)},\n" for row in rows)
     return PolicySource(template="policy_script.c", files={"script.h": f"{head}{body}}};\n"})

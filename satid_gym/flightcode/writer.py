@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from importlib.resources import files
 from pathlib import Path
 
 from satid_gym.files import write_text
@@ -11,6 +13,7 @@ from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.onboard.pilot import Pilot
 
 _SAME_FOR_ALL = ("satid_math.h", "satid_pilot.h", "satid_pilot.c", "check.c", "Makefile")
+_OWN = {file.name for file in files("satid_gym.flightcode").joinpath("c").iterdir()} | {"network.h", "script.h"}
 _DECISIONS_MAX = 60  # of the test vectors' flight
 
 
@@ -18,7 +21,7 @@ def write(output: Path, pilot: Pilot) -> list[str]:
     """Write C99 of what a pilot flies; equal pilots give equal bytes.
 
     Args:
-        output: folder; it is made if missing.
+        output: folder; it is made if missing. Files of another pilot's policy that are there go.
         pilot: its data sheet, scenario, filter, policy and patience are what the code has; its seed is that of the test
             vectors' flight.
 
@@ -28,10 +31,13 @@ def write(output: Path, pilot: Pilot) -> list[str]:
     Raises:
         ValueError: the policy has no C.
     """
+    pilot = copy.deepcopy(pilot)  # one that is flying flies on
     found = texts(pilot)
     decisions = min(_DECISIONS_MAX, pilot.problem.scenario.decisions)
     found["vectors.csv"] = expected(pilot, flight(pilot, decisions))
     found["README.md"] = _page(pilot, decisions)
+    for stale in _OWN - set(found):  # of another policy that was written there
+        (Path(output) / stale).unlink(missing_ok=True)
     for name, text in sorted(found.items()):
         write_text(Path(output) / name, text)
     return sorted(found)

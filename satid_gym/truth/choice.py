@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 from satid_gym.sources import imported
 from satid_gym.truth.protocol import Truth
 
@@ -14,6 +16,12 @@ def truth_of(value: object) -> Truth:
     """
     found = imported(value) if isinstance(value, str) else value
     if isinstance(found, type) or (callable(found) and not _is_truth(found)):
+        try:
+            inspect.signature(found).bind()
+        except TypeError as error:
+            raise ValueError(
+                f"truth {value!r} is made without arguments ({error}): give an object, or functools.partial of it"
+            ) from error
         found = found()
     if not _is_truth(found):
         raise ValueError(

@@ -91,6 +91,7 @@ class TruthDriver:
         rows.tasks["over"] = 1
         answer = self.truth.advance(plant["motor_torque"].copy(), self._disturbance.copy(), period)
         state = self._taken("advance", answer)
+        self._check_readings(state)
         if state.attitude is None:
             kernels.turn(rows.plants, before, period)
         kernels.measure(rows)

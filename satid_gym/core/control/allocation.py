@@ -15,6 +15,7 @@ from satid_gym.core.wheels import sum_wheels
 
 _SWEEPS = 200
 _SETTLED = 1e-5  # of a share: what the last sweep left is made good by going a little less far
+_ROUNDING = 1e-9  # of a limit
 
 
 @inline
@@ -72,7 +73,7 @@ def within_reach(target, symmetric, allocation, bias, limit, multiplier):
     reached, rest = multiply(symmetric, x), 1.0
     for k in range(count):
         value, most = allocate(allocation, reached, k), max(limit[k], abs(bias[k]))
-        if abs(bias[k] + value) > most:
+        if abs(bias[k] + value) > (1.0 + _ROUNDING) * most:  # by rounding alone none is held back
             rest = min(rest, (most - np.sign(value) * bias[k]) / abs(value))
     return rest * x[0], rest * x[1], rest * x[2]
 

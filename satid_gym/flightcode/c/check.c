@@ -15,6 +15,7 @@ unsigned long satid_operations = 0;
 
 static satid_pilot pilot;
 
+/* 1: a row; 0: there is none left; -1: it is damaged. */
 static int read_row(FILE *file, double row[COLUMNS])
 {
     char line[LINE_MAX], *at = line;
@@ -25,7 +26,7 @@ static int read_row(FILE *file, double row[COLUMNS])
         char *end;
         row[k] = strtod(at, &end);
         if (end == at) {
-            return 0;
+            return -1;
         }
         at = *end == ',' ? end + 1 : end;
     }
@@ -46,6 +47,7 @@ int main(int count, char **words)
     double worst_torque = 0.0, worst_theta = 0.0, worst_std = 0.0, seconds = 0.0;
     char head[LINE_MAX];
     long rows = 0;
+    int found;
 #ifdef SATID_COUNTING
     unsigned long most = 0;
 #endif
@@ -54,7 +56,7 @@ int main(int count, char **words)
         fprintf(stderr, "cannot read %s: give the file of test vectors\n", name);
         return 2;
     }
-    while (read_row(file, row)) {
+    while ((found = read_row(file, row)) > 0) {
         const clock_t begun = clock();
 #ifdef SATID_COUNTING
         const unsigned long before = satid_operations;
@@ -82,6 +84,10 @@ int main(int count, char **words)
         rows++;
     }
     fclose(file);
+    if (found < 0) {
+        fprintf(stderr, "row %ld of %s is damaged: export again\n", rows + 1, name);
+        return 2;
+    }
     printf("%ld readings: torque differs by at most %.1e of its limit, theta by %.1e of its scale, its std by %.1e\n", rows,
            worst_torque, worst_theta, worst_std);
     printf("%.2f us a reading, %u bytes of state\n", 1e6 * seconds / (double)(rows > 0 ? rows : 1), (unsigned)sizeof pilot);

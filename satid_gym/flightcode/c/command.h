@@ -18,7 +18,7 @@ static void satid_command(const float *observation, const double *command, doubl
 #endif
     (void)observation;
     for (int k = 0; k < SATID_ACTIONS; k++) {
-        action[k] = fmin(fmax(command[k], -1.0), 1.0);
+        action[k] = command[k] < -1.0 ? -1.0 : command[k] > 1.0 ? 1.0 : command[k]; /* NaN stays, and is seen */
 #if SATID_COMMAND_IS_RATE
         action[k] *= SHARE[k];
 #endif

@@ -21,7 +21,7 @@ static const double MOMENTS[3] = SATID_MOMENTS; /* kg m^2, of the prior */
 
 static double clip(double x, double low, double high)
 {
-    return fmin(fmax(x, low), high);
+    return x < low ? low : x > high ? high : x; /* NaN stays, and is seen */
 }
 
 static double dot(const double a[3], const double b[3])

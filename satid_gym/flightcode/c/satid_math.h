@@ -58,10 +58,11 @@ static inline int satid_integer(double x)
     return x < 2147483647.0 ? (int)x : INT32_MAX;
 }
 
-/* towards minus infinity, of a positive divisor */
+/* towards minus infinity */
 static inline int satid_floor_divide(int a, int b)
 {
-    return a >= 0 ? a / b : -((b - 1 - a) / b);
+    const int quotient = a / b;
+    return a % b != 0 && (a % b < 0) != (b < 0) ? quotient - 1 : quotient;
 }
 
 static inline int satid_modulo(int a, int b)

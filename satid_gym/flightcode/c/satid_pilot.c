@@ -231,7 +231,10 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
     int of_gyro, of_wheels;
     int32_t due;
     if (status->state == SATID_WAITING) {
+        const satid_status before = *status; /* it counts on while it waits */
         satid_start(pilot, time, gyro, wheel_speed, torque);
+        status->missing += before.missing;
+        status->refused += before.refused;
         return;
     }
     of_gyro = judge_gyro(gyro);
