@@ -331,5 +331,5 @@ def test_a_policy_of_ones_own_is_not_taken_for_its_parent(tmp_path):
         def __call__(self, observation):
             return 0.5 * super().__call__(observation)
 
-    with pytest.raises(ValueError, match="rate_square is a Half, of its own, and has no C"):
+    with pytest.raises(ValueError, match="rate_square is a Half of its own, and has no C"):
         write(tmp_path, Pilot("microsat", Half(12.0, 3.0)))
