@@ -192,7 +192,7 @@ def test_percent(fraction, text):
 @cases(
     ("line", "message"),
     [
-        ("--satellites cubsat", "unknown satellite 'cubsat'; expected one of ['cubesat', 'microsat', 'smallsat']"),
+        ("--satellites cubsat", "unknown satellite 'cubsat'; expected one of ['cubesat', 'innocube', 'microsat', "),
         ("--modes steps", "unknown inertia mode 'steps'"),
         ("--policies sinus", "unknown policy (no such file either) 'sinus'"),
         ("--scenario tihgt", "unknown scenario 'tihgt'"),

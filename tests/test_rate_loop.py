@@ -47,7 +47,8 @@ def test_shares_are_the_nearest_to_one_that_the_wheels_allow(wheels):
             method="SLSQP", options={"ftol": 1e-12, "maxiter": 500},
         ).x  # fmt: skip
         share = found / target
-        assert (np.abs(bias + allocation @ inertia @ found) <= limit * (1.0 + 1e-12)).all()
+        spent = np.abs(bias + allocation @ inertia @ found)
+        assert (spent <= limit * (1.0 + 2e-9)).all()  # the allocation allows 1e-9 of rounding
         assert ((share >= 0.0) & (share <= 1.0 + 1e-12)).all()
         further.append(np.linalg.norm(1.0 - share) - np.linalg.norm(1.0 - best))
         bound += (best < 1.0 - 1e-6).any()
