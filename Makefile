@@ -6,7 +6,7 @@ RUN := $(VENV)/bin/python
 PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare compare-all test test-slow test-basilisk coverage mutation lint format train benchmark docs dist clean
+.PHONY: setup compare compare-all test test-slow test-basilisk test-reach coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
 
@@ -25,7 +25,7 @@ compare-all: setup  ## the same with the planners, which take four fifths of the
 	$(RUN) -m agents.compare --all
 
 test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
-	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk"
+	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk and not reach"
 
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
 	$(RUN) -m pytest $(PARALLEL) -m slow
@@ -35,6 +35,14 @@ test-basilisk:  ## truth and filter against Basilisk, an independent simulator, 
 	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-xdist|tyro)=" constraints.txt > .venv-basilisk/constraints.txt
 	.venv-basilisk/bin/python -m pip install --quiet --constraint .venv-basilisk/constraints.txt --editable ".[basilisk]"
 	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
+
+test-reach:  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and Minari, in .venv-reach (they cap versions of their own)
+	test -x .venv-reach/bin/python || $(PYTHON) -m venv .venv-reach
+	grep -E "^(numpy|scipy|numba|llvmlite|torch|stable_baselines3|hypothesis|pytest|pytest-xdist|tyro)=" constraints.txt > .venv-reach/constraints.txt
+	if .venv-reach/bin/python -m pip install --quiet --constraint .venv-reach/constraints.txt --editable ".[reach]" 2> .venv-reach/pip.log; \
+	then .venv-reach/bin/python -m pytest --numprocesses auto --dist loadfile -m reach; \
+	elif grep "No matching distribution" .venv-reach/pip.log; then echo "test-reach skipped: this registry lacks a package"; \
+	else cat .venv-reach/pip.log; exit 1; fi
 
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
 	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov
@@ -67,4 +75,4 @@ dist: setup  ## wheel and sdist in dist/, built twice with the same bytes, the w
 	$(RUN) -m tests.qa.distribution
 
 clean:
-	rm -rf $(VENV) .venv-basilisk build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-basilisk .venv-reach build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
