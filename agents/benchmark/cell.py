@@ -6,6 +6,7 @@ import copy
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from typing import Any
 
 from baselines.studies.performance_bound import PerformanceBound, performance_bound
 from baselines.studies.timing import TimedPolicy
@@ -24,16 +25,16 @@ class Cell:
 
     Attributes:
         satellite, inertia: which cell.
-        policies: copies of the entrants, each with a clock.
-        flights: of each of them.
+        policies: the entrants.
+        flights: of each of them, with the time of its decisions, ms.
         performance_bound: errors that the cell allows; None where the scenario's filter is neither the AdaptiveEKF
             nor the MomentumEKF, as they are by default.
     """
 
     satellite: Satellite
     inertia: str | InertiaLaw
-    policies: Sequence[TimedPolicy]
-    flights: Sequence[Future[Flight]]
+    policies: Sequence[Policy]
+    flights: Sequence[Future[tuple[Flight, float]]]
     performance_bound: Future[PerformanceBound] | None
 
     @property
@@ -52,14 +53,19 @@ class Cell:
         seeds: Sequence[int],
         scenario: Scenario,
     ) -> Cell:
-        """Hand a cell to the pool; the policies are copied, because cells fly side by side."""
-        timed = [TimedPolicy(copy.copy(policy)) for policy in policies]
+        """Hand a cell to the pool."""
         episodes = {"satellite": satellite, "inertia": inertia, "seeds": seeds, "scenario": scenario, "num_threads": 1}
         bounded = isinstance(scenario.estimator, MomentumEKFSettings) and not scenario.faults.possible
         return cls(
             satellite=satellite,
             inertia=inertia,
-            policies=timed,
+            policies=policies,
             performance_bound=pool.submit(performance_bound, satellite, inertia, seeds, scenario) if bounded else None,
-            flights=[pool.submit(fly, policy, **episodes) for policy in timed],  # type: ignore[arg-type]
+            flights=[pool.submit(fly_timed, policy, **episodes) for policy in policies],
         )
+
+
+def fly_timed(policy: Policy, **episodes: Any) -> tuple[Flight, float]:
+    """Flight of a copy of the policy, because cells fly side by side, and the time of its decisions, ms."""
+    timed = TimedPolicy(copy.copy(policy))
+    return fly(timed, **episodes), timed.decision_ms

@@ -26,6 +26,7 @@ from agents.benchmark.results import file_names
 from agents.benchmark.stored import candidates, find_stored, keep_planners, with_stored
 from agents.benchmark.summary.tables import print_comparison
 from baselines.command import cli
+from baselines.command.cluster import RayAddress
 from baselines.command.options import ScenarioText
 from baselines.command.provenance import portable, result_head
 from satid_gym.config import check_names
@@ -58,6 +59,8 @@ class Comparison:
     """Which seeds: training, tuning, validation or test."""
     output: Path = Path("results")
     """Folder for what is written; scenarios other than default add their name to the files'."""
+    ray: RayAddress = None
+    """Fly on a Ray cluster: auto, HOST:PORT, ray://HOST:PORT, or local for one of this machine."""
 
     def entrants(self) -> Entrants:
         """The cells and policies that names, files and modules stand for.
@@ -86,7 +89,8 @@ class Comparison:
 
     def settings(self, entrants: Entrants) -> dict[str, Any]:
         """Plain values, names in the place of the texts that they were given by."""
-        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "prepared"}
+        names = [field.name for field in dataclasses.fields(self) if field.name not in ("prepared", "ray")]
+        own = {name: getattr(self, name) for name in names}
         policies = dict.fromkeys(policy.name for team in entrants.policies_for.values() for policy in team)
         files = {name: file.name for name, file in vars(self.prepared).items() if file != getattr(Prepared(), name)}
         return {
@@ -108,7 +112,7 @@ def compare(comparison: Comparison, entrants: Entrants) -> dict[str, Any]:
     `curves` has what the report alone needs, errors against time and one episode in full, and is not for compare.json.
     """
     chosen = seeds(comparison.seed_split, comparison.episodes)  # type: ignore[arg-type]
-    tables = fly_cells(entrants, chosen)
+    tables = fly_cells(entrants, chosen, comparison.ray)
     results = {
         **result_head("agents.compare", comparison.settings(entrants), split=comparison.seed_split, seeds=chosen),
         "scenario": benchmark_scenario(entrants.scenario).to_dict(),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +15,7 @@ from agents.benchmark.entrants import Entrants
 from agents.benchmark.report.curves import error_bands, rounded
 from agents.benchmark.report.episode import episode_cell, fly_episode, shown_policies
 from agents.benchmark.summary.statistics import PAIRED_KINDS, Scores, pair, record
+from baselines.command import cluster
 from satid_gym.evaluation import benchmark_scenario
 from satid_gym.policy import Policy
 from satid_gym.selection import label
@@ -58,27 +57,30 @@ class Tables:
             )
         scores: dict[str, Scores] = {}
         for policy, pending in zip(cell.policies, cell.flights, strict=True):
-            flight = pending.result()
+            flight, decision_ms = pending.result()
             scores[policy.name] = flight.scores()
             entry = {"policy": policy.name, "kind": policy.kind, **where, "episodes": episodes}
             self.records.append({**entry, **record(scores[policy.name])})
             self.curves.append({"policy": policy.name, **where, **error_bands(flight.error)})
             if allowed is not None:
-                reached = {**allowed.efficiency(flight.error), "decision_ms": policy.decision_ms}
+                reached = {**allowed.efficiency(flight.error), "decision_ms": decision_ms}
                 self.efficiencies.append({"policy": policy.name, **where, **reached})
         self.pairs.extend({**match, **where, **result} for match, result in _matches(cell.policies, scores))
 
 
-def fly_cells(entrants: Entrants, seeds: Sequence[int]) -> Tables:
+def fly_cells(entrants: Entrants, seeds: Sequence[int], ray: str | None = None) -> Tables:
     """Fly every policy in every cell, as many flights at once as there are cores; shows the progress.
 
-    Interrupted, it ends without waiting for the flights that have not begun.
+    Args:
+        entrants: cells and policies.
+        seeds: of the episodes.
+        ray: address of a cluster whose cores fly; see `baselines.command.cluster`.
     """
     scenario, tables = benchmark_scenario(entrants.scenario), Tables()
     places = list(itertools.product(entrants.satellites, entrants.modes))
     total = sum(len(entrants.policies_for[satellite.name]) for satellite, _ in places)
     with (
-        ThreadPoolExecutor(os.cpu_count()) as pool,  # flights run without the interpreter's lock most of the time
+        cluster.executor(ray) as pool,  # threads will do: flights are without the interpreter's lock most of the time
         tqdm(total=total, desc="comparing", unit="flight") as bar,
     ):
         cells = [
@@ -94,14 +96,10 @@ def fly_cells(entrants: Entrants, seeds: Sequence[int]) -> Tables:
         ]
         for pending in (flight for cell in cells for flight in cell.flights):
             pending.add_done_callback(lambda done: None if done.cancelled() else bar.update())
-        try:
-            while cells:
-                cell = cells.pop(0)  # let go of its flights as soon as they are scored: all of them take much memory
-                bar.set_postfix_str(" ".join(cell.place.values()), refresh=False)
-                tables.add(cell, len(seeds))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)  # an interrupt does not wait for the flights that are left
-            raise
+        while cells:
+            cell = cells.pop(0)  # let go of its flights as soon as they are scored: all of them take much memory
+            bar.set_postfix_str(" ".join(cell.place.values()), refresh=False)
+            tables.add(cell, len(seeds))
     return tables
 
 

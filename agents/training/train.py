@@ -4,6 +4,7 @@
     python -m agents.train --settings sac                   Soft Actor-Critic
     python -m agents.train --satellite microsat --steps 200000
     python -m agents.train --run runs/ppo-0 --resume        go on after a stop
+    python -m agents.train --settings ppo sac --seeds 0 1 2 --ray auto   six runs, on a Ray cluster
 
 Every run has a folder: settings, versions, revision, learning curve, TensorBoard, checkpoint and policy. A run
 that is stopped at any moment resumes from its last checkpoint with the same result.
@@ -25,6 +26,8 @@ from agents.training.ppo import PPOSettings
 from agents.training.run import Run, RunOptions
 from agents.training.sac import SACSettings
 from agents.training.settings import Task, head_of
+from baselines.command import cli
+from baselines.command.cluster import RayAddress, each
 from satid_gym.config import unknown_name
 from satid_gym.files import read_json
 
@@ -62,36 +65,106 @@ def resumed(folder: Path) -> Task:
 class TrainingOptions(RunOptions):
     """Where settings come from, where the run goes, and any training setting by its name."""
 
-    settings: str | None = None
-    """Named settings to start from (agents/training/configs/*.json); they also choose the algorithm."""
+    settings: tuple[str, ...] = ()
+    """Named settings to start from (agents/training/configs/*.json); they also choose the algorithm. Several: a run of
+    each."""
+    seeds: tuple[int, ...] = ()
+    """A run of each of these seeds, in place of --seed. Of several runs, the same command again goes on with those that
+    were stopped."""
+    ray: RayAddress = None
+    """Train on a Ray cluster, a run on a core: auto, HOST:PORT, ray://HOST:PORT, or local for one of this machine. The
+    runs' folders are to be where all machines see them."""
     training: Annotated[PPOSettings | SACSettings | ImitationSettings, tyro.conf.arg(name="")] = field(
         default_factory=PPOSettings
     )
+    runs: tuple[Task, ...] = field(init=False, default=())
+    """Settings of each run."""
+
+    def __post_init__(self) -> None:
+        seeds = self.seeds or (self.training.seed,)
+        object.__setattr__(self, "runs", tuple(self.training.replace(seed=seed) for seed in seeds))
+
+    @property
+    def several(self) -> bool:
+        """Whether runs are trained as tasks, each in the folder that its name and seed say."""
+        return len(self.runs) > 1 or self.ray is not None
 
     @classmethod
     def parse(cls, arguments: Sequence[str]) -> Self:
         """Options of a command line, whose algorithm decides which settings there are.
 
         Raises:
-            ValueError: a setting is not valid, or --resume comes with other settings.
+            ValueError: a setting is not valid, --resume comes with other settings, or several runs would have one
+                folder.
         """
         parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-        parser.add_argument("--settings")
+        parser.add_argument("--settings", nargs="+")
         parser.add_argument("--run", type=Path)
         parser.add_argument("--resume", action="store_true")
         known, others = parser.parse_known_args(arguments)
         if known.resume:
             if known.run is None or others or known.settings:
                 raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
-            training = resumed(known.run)
+            starts = [resumed(known.run)]
         else:
-            training = named(known.settings) if known.settings else PPOSettings()
-        start = cls(training=training)  # type: ignore[arg-type]
+            starts = [named(name) for name in known.settings or ()] or [PPOSettings()]
         config = (tyro.conf.AvoidSubcommands,)  # the algorithm is chosen already
-        return tyro.cli(cls, args=arguments, default=start, description=__doc__, config=config)
+        options = [
+            tyro.cli(cls, args=arguments, default=cls(training=start), description=__doc__, config=config)  # type: ignore[arg-type]
+            for start in starts
+        ]
+        object.__setattr__(options[0], "runs", tuple(run for each in options for run in each.runs))
+        options[0].check()
+        return options[0]
+
+    def check(self) -> None:
+        """Refuse several runs with one folder.
+
+        Raises:
+            ValueError: --run is given, or two have the same name and seed.
+        """
+        folders = [folder_of(run) for run in self.runs]
+        if self.several and self.run is not None:
+            raise ValueError("--run is the folder of one run: of several, or with --ray, each is in runs/NAME-SEED")
+        for folder in folders:
+            if folders.count(folder) > 1:
+                raise ValueError(f"two runs would be in {folder}: give each settings a name of its own, and seeds once")
 
 
 def main(options: TrainingOptions) -> int:
     """Train; the exit code."""
-    settings = options.training
-    return options.start(TRAIN[settings.algorithm], settings, "agents.train")
+    if not options.several:
+        settings = options.training
+        return options.start(TRAIN[settings.algorithm], settings, "agents.train")
+    with cli.user_errors():
+        for settings in options.runs:
+            check_folder(settings)
+    calls = [(settings, folder_of(settings).resolve()) for settings in options.runs]
+    with cli.on_interrupt("the same command goes on"):
+        for folder in each(train, calls, options.ray, keep=False, desc="training", unit="run"):
+            if not (folder / "policy.safetensors").exists():
+                raise cli.UserError(f"{folder} is not here: run from a folder that all machines of the cluster see")
+    return 0
+
+
+def folder_of(settings: Task) -> Path:
+    """Folder of one of several runs."""
+    return Path("runs") / f"{settings.name}-{settings.seed}"
+
+
+def check_folder(settings: Task) -> None:
+    """Refuse a folder that holds a run of other settings.
+
+    Raises:
+        ValueError: it does, or its run.json is damaged.
+    """
+    folder = folder_of(settings)
+    if (folder / "run.json").exists() and resumed(folder) != settings:
+        raise ValueError(f"{folder} holds a run of other settings: give this one another --name, or remove it")
+
+
+def train(settings: Task, folder: Path) -> Path:
+    """One of several runs, from its start or from where it was stopped, by a signal or with its machine; its folder."""
+    resume = (folder / "run.json").exists()
+    TRAIN[settings.algorithm](Run(settings, folder, resume=resume, module="agents.train"))
+    return folder

@@ -19,14 +19,15 @@ search holds the limit in every episode, which is stricter: a rival may pay for 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from baselines.command import cli
+from baselines.command.cluster import RayAddress, each
 from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell, Flown, flown
 from baselines.scenarios.oracle import search
@@ -63,6 +64,8 @@ class Gate:
     """Episodes of these that the oracle flies too; 0: no oracle."""
     output: Path = Path("results/gate.json")
     """File to write."""
+    ray: RayAddress = None
+    """Choose and search on a Ray cluster: auto, HOST:PORT, ray://HOST:PORT, or local for one of this machine."""
 
     def check(self) -> None:
         """Check the settings before any work.
@@ -143,15 +146,19 @@ def _ratio(own: dict[str, Any]) -> str:
     return "-" if own["over_oracle"] is None else f"{own['over_oracle']:.3f}"
 
 
+def entry_of(cell: Cell, name: str, cost: float, tuned: int, episodes: int) -> Entry:
+    """A rival with its best settings, and how it flies; the last two are numbers of episodes."""
+    settings, policy = choose(cell, rivals(cell.scenario)[name], cost, tuned)
+    return name, settings, flown(cell, policy, seeds("validation", episodes))
+
+
 def main_rows(gate: Gate) -> list[dict[str, Any]]:
     """All lines of the table."""
-    entries: list[Entry] = []
+    calls = [(gate.cell, name, gate.cost, gate.tuned, gate.episodes) for name in rivals(gate.scenario)]
+    entries: list[Entry] = list(each(entry_of, calls, gate.ray, desc=gate.scenario, unit="policy"))
     oracle = None
-    for name, trials in tqdm(rivals(gate.scenario).items(), desc=gate.scenario, unit="policy"):
-        settings, policy = choose(gate.cell, trials, gate.cost, gate.tuned)
-        entries.append((name, settings, flown(gate.cell, policy, seeds("validation", gate.episodes))))
     if gate.oracle:
-        oracle = search(gate.cell, seeds("validation", gate.oracle), gate.cost)
+        oracle = search(gate.cell, seeds("validation", gate.oracle), gate.cost, ray=gate.ray)
         entries.append(("oracle", {}, oracle))
     return [row(gate, entry, oracle) for entry in entries]
 
@@ -161,7 +168,9 @@ def main(gate: Gate) -> int:
     """Judge the scenario of the command line; returns the exit code."""
     check_writable(gate.output.parent)
     rows = main_rows(gate)
-    head = result_head("baselines.scenarios.gate", gate, split="validation", seeds=seeds("validation", gate.episodes))
+    settings = {name: value for name, value in dataclasses.asdict(gate).items() if name != "ray"}
+    flown_seeds = seeds("validation", gate.episodes)
+    head = result_head("baselines.scenarios.gate", settings, split="validation", seeds=flown_seeds)
     write_json(gate.output, {**head, "rows": rows})
     show(rows)
     return 0

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from tqdm import tqdm
 
+from baselines.command import cluster
 from baselines.scenarios.flights import Cell, Flown, flown
 from satid_gym.core.observation import BOUND, MODE_PARTS
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
@@ -76,7 +77,12 @@ class Plan(ShapedSquarePolicy):
 
 
 def search(
-    cell: Cell, seeds: Sequence[int], limit: float, population: int = _POPULATION, rounds: int = _ROUNDS
+    cell: Cell,
+    seeds: Sequence[int],
+    limit: float,
+    population: int = _POPULATION,
+    rounds: int = _ROUNDS,
+    ray: str | None = None,
 ) -> Flown:
     """Of each episode the best flight that the cross-entropy method has found.
 
@@ -86,12 +92,23 @@ def search(
         limit: of each cost.
         population: settings that are flown of each episode in a round.
         rounds: how often.
+        ray: address of a cluster that searches, an episode a task; see `baselines.command.cluster`.
     """
-    episodes, size, rng = len(seeds), _EDGES[-1], np.random.default_rng(0)
+    draws = np.random.default_rng(0).standard_normal((rounds, len(seeds), population, _EDGES[-1]))
+    if ray is None:
+        return _search(cell, seeds, limit, draws)
+    calls = [(cell, [seed], limit, draws[:, [i]]) for i, seed in enumerate(seeds)]
+    flights = list(cluster.each(_search, calls, ray, desc="oracle", unit="episode"))
+    return Flown(*(np.concatenate([getattr(f, name) for f in flights]) for name in Flown.__dataclass_fields__))
+
+
+def _search(cell: Cell, seeds: Sequence[int], limit: float, draws: np.ndarray) -> Flown:
+    """The search of these episodes, each by itself, from normal draws (rounds, episodes, population, size)."""
+    _, episodes, population, size = draws.shape
     mean, std = np.zeros((episodes, 1, size)), np.full((episodes, 1, size), _SPREAD)
     best: Flown | None = None
-    for _ in tqdm(range(rounds), desc="oracle", unit="round"):
-        points = mean + std * rng.standard_normal((episodes, population, size))
+    for drawn in tqdm(draws, desc="oracle", unit="round"):
+        points = mean + std * drawn
         points[:, 0] = mean[:, 0]
         plan = Plan(points.reshape(-1, size))
         flight = flown(cell, plan, np.repeat(seeds, population).tolist(), plan.told)

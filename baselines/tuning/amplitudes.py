@@ -11,15 +11,14 @@ the time more than no torque at all is, and failing that the one that is beyond 
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from baselines.command import cluster
 from baselines.command.provenance import result_head
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
@@ -165,6 +164,8 @@ class Tuning:
     """JSON file that the baselines read; another one is taken by the option --tuned of other commands."""
     trials: Path | None = None
     """Where to write every setting tried, as JSON."""
+    ray: cluster.RayAddress = None
+    """Tune on a Ray cluster: auto, HOST:PORT, ray://HOST:PORT, or local for one of this machine."""
 
     def check(self) -> None:
         """Refuse what cannot be tuned.
@@ -186,23 +187,20 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     entries: list[dict[str, Any]] = []
     tried: list[dict[str, Any]] = []
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        idle = {
-            (world.name, satellite.name): attempt("zero", {}, satellite, world, episodes=tuning.episodes).beyond
-            for world in scenarios
-            for satellite in satellites
-        }
-        sweeps = pool.map(lambda cell: sweep(cell[2], cell[1], cell[0], episodes=tuning.episodes), cells)
-        try:
-            bar = tqdm(sweeps, total=len(cells), desc="tuning", unit="baseline")
-            for (world, satellite, name), trials in zip(cells, bar, strict=True):
-                place = {"policy": name, "satellite": satellite.name, "scenario": world.name}
-                chosen = best(trials, idle[world.name, satellite.name])
-                entries.append({**place, **dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)})
-                tried += [{**place, **dataclasses.asdict(trial)} for trial in trials]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)  # who interrupts does not wait for all that was to come
-            raise
+    idle = {
+        (world.name, satellite.name): attempt("zero", {}, satellite, world, episodes=tuning.episodes).beyond
+        for world in scenarios
+        for satellite in satellites
+    }
+    with cluster.executor(tuning.ray) as pool:
+        sweeps = [pool.submit(sweep, name, satellite, s, episodes=tuning.episodes) for s, satellite, name in cells]
+        bar = tqdm(sweeps, total=len(cells), desc="tuning", unit="baseline")
+        for (world, satellite, name), swept in zip(cells, bar, strict=True):
+            trials = swept.result()
+            place = {"policy": name, "satellite": satellite.name, "scenario": world.name}
+            chosen = best(trials, idle[world.name, satellite.name])
+            entries.append({**place, **dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)})
+            tried += [{**place, **dataclasses.asdict(trial)} for trial in trials]
     tuned = {
         **result_head("baselines.tune", split="tuning", seeds=seeds("tuning", tuning.episodes)),
         "inertia": "one of static, step, drift, periodic at random, the paper's laws",

@@ -65,10 +65,10 @@ def _is_weight(key: str) -> bool:
 def _folded(weight: np.ndarray, bias: np.ndarray, normalised: MeanStdFilter) -> tuple[np.ndarray, np.ndarray]:
     """The first layer for observations as they are: W (x - mean) / std + b = W' x + b'."""
     state = normalised.get_state()[None]
-    if state["clip_by_value"]:
+    if np.isfinite(state["clip_by_value"]):
         raise ValueError(
             f"a policy's layers are linear, got observations cut at {state['clip_by_value']} standard deviations: "
-            "train with MeanStdFilter(clip_by_value=None)"
+            'train with MeanStdFilter(clip_by_value=float("inf"))'
         )
     (stat,) = (RunningStat.from_state(values) for values in state["running_stats"])
     mean = stat.mean if state["de_mean_to_zero"] else np.zeros(weight.shape[1])
