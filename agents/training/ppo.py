@@ -31,7 +31,7 @@ class PPOSettings(RLSettings):
     """At the start."""
     final_learning_rate: float = 5e-5
     """At the end; linear between."""
-    gae_lambda: float = 0.95
+    gae_lambda: float = 0.8
     """Of generalised advantage estimation."""
     clip_range: float = 0.2
     """Of PPO's ratio."""
