@@ -1,7 +1,7 @@
-"""Task of the trainers in this folder: environments to train in, and scores of what was learned.
+"""Task of the trainers in this folder: environments to train in, networks, and scores of what was learned.
 
 Actions are body rates of the microsat as fractions of what may be commanded, observations hold the filter's whole
-covariance, and the reward is small where the inertia is well known. Each trainer is one file with a command line.
+covariance, and the reward is large where the inertia is well known. Each trainer is one file with a command line.
 """
 
 from __future__ import annotations
@@ -13,15 +13,21 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+import torch
+from gymnasium.vector import AutoresetMode, VectorWrapper
 
 import satid_gym  # noqa: F401  # registers SatInertiaID-v0
+from agents.training.clocks import set_clocks
 from baselines.command.provenance import revision
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 
 SHARE = 0.97  # of the rate limit may be commanded: the rate has noise about what is commanded
-SATELLITE = "microsat"
-DECISIONS = 300  # of an episode
+TASK: dict[str, Any] = {
+    "satellite": "microsat",
+    "control": "rate",
+    "include_covariance": True,
+    "reward": {"held_reference": 22.0},
+}
 ENVS, ROLLOUT, EPOCHS, MINIBATCHES = 64, 50, 5, 4  # of PPO, in whatever library
 GAMMA, GAE_LAMBDA, CLIP, LEARNING_RATE, LOG_STD = 0.9, 0.8, 0.2, 2e-3, 0.0
 HIDDEN = (64, 64)  # units of the layers, tanh after each, of policy and value
@@ -31,6 +37,8 @@ class Excitation(VectorWrapper):
     """The satellite, many times, with the first reset of a given seed: libraries seed differently or not at all.
 
     The first episodes have less time left, evenly spread (`stagger`), so that a rollout holds every part of an episode.
+    The horizon is the end of the task, of which the policy observes the time left, so that it is reported as termination:
+    no library then adds the value of a state after it.
 
     Args:
         autoreset_mode: what the library expects of the environments.
@@ -39,17 +47,11 @@ class Excitation(VectorWrapper):
     """
 
     def __init__(self, autoreset_mode: AutoresetMode, seed: int, num_envs: int = ENVS) -> None:
-        envs = gymnasium.make_vec(
-            "SatInertiaID-v0",
-            num_envs=num_envs,
-            satellite=SATELLITE,
-            control="rate",
-            include_covariance=True,
-            reward={"held_reference": 22.0},
-            stagger=True,
-            autoreset_mode=autoreset_mode,
+        super().__init__(
+            gymnasium.make_vec(
+                "SatInertiaID-v0", num_envs=num_envs, stagger=True, autoreset_mode=autoreset_mode, **TASK
+            )
         )
-        super().__init__(envs)
         self.autoreset_mode = autoreset_mode
         self._first: int | None = seed
 
@@ -60,7 +62,30 @@ class Excitation(VectorWrapper):
 
     def step(self, actions: Any) -> Any:
         """Take one decision in every environment, with (N, 3) body rates, cut to [-1, 1]."""
-        return self.env.step(SHARE * np.clip(actions, -1.0, 1.0))
+        observations, rewards, terminations, truncations, infos = self.env.step(commanded(actions))
+        return observations, rewards, terminations | truncations, np.zeros_like(truncations), infos
+
+
+def commanded(actions: Any) -> np.ndarray:
+    """The environment's actions (N, 3) for a policy's, which are cut to [-1, 1]."""
+    return SHARE * np.clip(actions, -1.0, 1.0)
+
+
+def network(env: Any, outputs: int, gain: float) -> torch.nn.Sequential:
+    """Policy (3 outputs, gain 0.01) or value (1 output, gain 1) of observations, with clocks of the last half minute."""
+    sizes = (env.single_observation_space.shape[0], *HIDDEN)
+    layers: list[torch.nn.Module] = []
+    for width, units in zip(sizes, sizes[1:], strict=False):
+        layers += [orthogonal(torch.nn.Linear(width, units), 2.0**0.5), torch.nn.Tanh()]
+    set_clocks(layers[0], env.unwrapped.problem)
+    return torch.nn.Sequential(*layers, orthogonal(torch.nn.Linear(sizes[-1], outputs), gain))
+
+
+def orthogonal(layer: torch.nn.Linear, gain: float) -> torch.nn.Linear:
+    """A layer with orthogonal weights and no bias to begin with."""
+    torch.nn.init.orthogonal_(layer.weight, gain)
+    torch.nn.init.zeros_(layer.bias)
+    return layer
 
 
 class Learned:
@@ -75,19 +100,29 @@ class Learned:
     def __init__(self, act: Callable[[np.ndarray], np.ndarray]) -> None:
         self.act = act
 
+    @classmethod
+    def of(cls, actor: torch.nn.Module) -> Learned:
+        """The policy whose actions are what a network gives for observations."""
+
+        def act(observations: np.ndarray) -> np.ndarray:
+            with torch.no_grad():
+                return actor(torch.as_tensor(observations)).numpy()
+
+        return cls(act)
+
     def reset(self, mission: Any, seeds: Any) -> None:
         """Nothing to prepare."""
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Actions (N, 3)."""
-        return SHARE * np.clip(self.act(observation.astype(np.float32)), -1.0, 1.0)
+        return commanded(self.act(observation.astype(np.float32)))
 
 
-def scores(act: Callable[[np.ndarray], np.ndarray], episodes: int = 64) -> dict[str, float]:
+def scores(policy: Learned, episodes: int = 64) -> dict[str, float]:
     """Mean final error and share of the time outside the envelope, on validation seeds and the benchmark's laws."""
     flight = fly(
-        Learned(act),
-        satellite=SATELLITE,
+        policy,
+        satellite=TASK["satellite"],
         inertia="random",
         seeds=seeds("validation", episodes),
         scenario=benchmark_scenario(),
@@ -96,17 +131,17 @@ def scores(act: Callable[[np.ndarray], np.ndarray], episodes: int = 64) -> dict[
     return {name: float(flight.scores()[name].mean()) for name in ("final_error", "outside_fraction")}
 
 
-def command(train: Callable[[int, int], Callable[[np.ndarray], np.ndarray]], name: str) -> None:
+def command(train: Callable[[int, int], Learned], name: str) -> None:
     """Command line of a trainer: learn, and print a row of the table."""
     parser = argparse.ArgumentParser(description=f"PPO by {name}: one row of the table in docs/trainers.md.")
-    parser.add_argument("--steps", type=int, default=400_000, help="decisions, all environments together")
+    parser.add_argument("--steps", type=int, default=200_000, help="decisions, all environments together")
     parser.add_argument("--seed", type=int, default=0, help="of environments, network and exploration")
     options = parser.parse_args()
+    torch.set_num_threads(1)
     start = time.perf_counter()
-    act = train(options.steps, options.seed)
+    policy = train(options.steps, options.seed)
     seconds = time.perf_counter() - start
-    found = scores(act)
-    print("| trainer | decisions | seed | final error, % | outside, % | s | revision |")
+    found = scores(policy)
     print(
         f"| {name} | {options.steps} | {options.seed} | {100 * found['final_error']:.4f} | "
         f"{100 * found['outside_fraction']:.2f} | {seconds:.0f} | {revision()} |"

@@ -1,29 +1,19 @@
 """PPO of Stable-Baselines3, beside which the other libraries' are put.
 
-PYTHONPATH=. python examples/trainers/ppo_sb3.py --steps 400000
+PYTHONPATH=. python examples/trainers/ppo_sb3.py
 """
 
-import numpy as np
-import torch
 from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, HIDDEN, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
-from excitation import SATELLITE, command
+from excitation import TASK, Learned, command
 from stable_baselines3 import PPO
 
+from agents.training.clocks import set_clocks
 from satid_gym.sb3 import RateCommandVecEnv
 
 
 def train(steps, seed):
-    """What the policy does after so many decisions: actions (N, 3) for observations (N, size)."""
-    torch.set_num_threads(1)
-    env = RateCommandVecEnv(
-        ENVS,
-        margin=2.6,  # of the rate's noise: 97 to 98 % of the limit
-        satellite=SATELLITE,
-        control="rate",
-        include_covariance=True,
-        reward={"held_reference": 22.0},
-        stagger=True,
-    )
+    """The policy after so many decisions."""
+    env = RateCommandVecEnv(ENVS, margin=2.6, stagger=True, **TASK)  # a margin of 2.6 is 97 to 98 % of the limit
     model = PPO(
         "MlpPolicy",
         env,
@@ -38,9 +28,11 @@ def train(steps, seed):
         seed=seed,
         device="cpu",
     )
+    for net in (model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net):
+        set_clocks(net[0], env.vector_env.problem)
     env.seed(seed)
     model.learn(steps)
-    return lambda observations: model.predict(observations, deterministic=True)[0]
+    return Learned(lambda observations: model.predict(observations, deterministic=True)[0])
 
 
 if __name__ == "__main__":

@@ -1,0 +1,68 @@
+"""PPO in one file, in the style of CleanRL: read from top to bottom, torch alone, the native vector environment.
+
+Schulman et al., Proximal Policy Optimization Algorithms, 2017.
+
+PYTHONPATH=. python examples/trainers/ppo_one_file.py
+"""
+
+import torch
+from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
+from excitation import Excitation, Learned, command, network
+from gymnasium.vector import AutoresetMode
+
+
+def train(steps, seed):
+    """The policy after so many decisions."""
+    torch.manual_seed(seed)
+    # the observation after an episode's last decision is the first of the next episode
+    env = Excitation(AutoresetMode.SAME_STEP, seed)
+    actor, critic = network(env, 3, 0.01), network(env, 1, 1.0)
+    log_std = torch.nn.Parameter(torch.full((3,), LOG_STD))
+    parameters = [*actor.parameters(), *critic.parameters(), log_std]
+    optimizer = torch.optim.Adam(parameters, LEARNING_RATE, eps=1e-5)
+
+    observations = torch.empty(ROLLOUT, ENVS, env.single_observation_space.shape[0])
+    actions = torch.empty(ROLLOUT, ENVS, 3)
+    log_probs, rewards, dones, values = torch.empty(4, ROLLOUT, ENVS)
+    observation = torch.as_tensor(env.reset()[0])
+
+    for _ in range(max(1, steps // (ROLLOUT * ENVS))):
+        for t in range(ROLLOUT):
+            with torch.no_grad():
+                explored = torch.distributions.Normal(actor(observation), log_std.exp())
+                observations[t], actions[t] = observation, explored.sample()
+                log_probs[t] = explored.log_prob(actions[t]).sum(-1)
+                values[t] = critic(observation)[:, 0]
+            following, reward, done, _, _ = env.step(actions[t].numpy())
+            observation = torch.as_tensor(following)
+            rewards[t], dones[t] = torch.as_tensor(reward), torch.as_tensor(done)
+
+        advantages = torch.empty_like(rewards)
+        with torch.no_grad():
+            next_value, advantage = critic(observation)[:, 0], torch.zeros(ENVS)
+        for t in reversed(range(ROLLOUT)):
+            goes_on = 1.0 - dones[t]
+            error = rewards[t] + GAMMA * goes_on * next_value - values[t]
+            advantage = error + GAMMA * GAE_LAMBDA * goes_on * advantage
+            advantages[t], next_value = advantage, values[t]
+        returns = advantages + values
+
+        flat = [x.flatten(0, 1) for x in (observations, actions, log_probs, advantages, returns)]
+        for _ in range(EPOCHS):
+            for batch in torch.randperm(ROLLOUT * ENVS).chunk(MINIBATCHES):
+                seen, taken, log_prob, advantage_of, return_of = (x[batch] for x in flat)
+                advantage_of = (advantage_of - advantage_of.mean()) / (advantage_of.std() + 1e-8)
+                now = torch.distributions.Normal(actor(seen), log_std.exp())
+                ratio = (now.log_prob(taken).sum(-1) - log_prob).exp()
+                policy_loss = -torch.min(ratio * advantage_of, ratio.clamp(1 - CLIP, 1 + CLIP) * advantage_of).mean()
+                value_loss = (critic(seen)[:, 0] - return_of).square().mean()
+                optimizer.zero_grad()
+                (policy_loss + 0.5 * value_loss).backward()
+                torch.nn.utils.clip_grad_norm_(parameters, 0.5)
+                optimizer.step()
+    env.close()
+    return Learned.of(actor)
+
+
+if __name__ == "__main__":
+    command(train, "one file, as CleanRL")

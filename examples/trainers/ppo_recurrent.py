@@ -1,0 +1,54 @@
+"""Recurrent PPO of sb3-contrib: an LSTM before policy and value.
+
+PYTHONPATH=. python examples/trainers/ppo_recurrent.py
+"""
+
+import numpy as np
+from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, HIDDEN, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
+from excitation import TASK, Learned, command
+from sb3_contrib import RecurrentPPO
+
+from satid_gym.sb3 import RateCommandVecEnv
+
+
+class Recurrent(Learned):
+    """Policy with a memory that begins anew with each flight."""
+
+    def __init__(self, model):
+        super().__init__(self._act)
+        self.model = model
+
+    def reset(self, mission, seeds):
+        """Forget the flight before."""
+        self.state, self.begins = None, np.ones(len(seeds), bool)
+
+    def _act(self, observations):
+        actions, self.state = self.model.predict(observations, self.state, self.begins, deterministic=True)
+        self.begins = np.zeros(len(observations), bool)
+        return actions
+
+
+def train(steps, seed):
+    """The policy after so many decisions."""
+    env = RateCommandVecEnv(ENVS, margin=2.6, stagger=True, **TASK)  # a margin of 2.6 is 97 to 98 % of the limit
+    model = RecurrentPPO(
+        "MlpLstmPolicy",
+        env,
+        n_steps=ROLLOUT,
+        batch_size=ENVS * ROLLOUT // MINIBATCHES,
+        n_epochs=EPOCHS,
+        gamma=GAMMA,
+        gae_lambda=GAE_LAMBDA,
+        clip_range=CLIP,
+        learning_rate=LEARNING_RATE,
+        policy_kwargs={"net_arch": list(HIDDEN), "lstm_hidden_size": 64, "log_std_init": LOG_STD},
+        seed=seed,
+        device="cpu",
+    )
+    env.seed(seed)
+    model.learn(steps)
+    return Recurrent(model)
+
+
+if __name__ == "__main__":
+    command(train, "sb3-contrib, recurrent")
