@@ -66,6 +66,18 @@ class Excitation(VectorWrapper):
         return observations, rewards, terminations | truncations, np.zeros_like(truncations), infos
 
 
+class SingleExcitation(gymnasium.Wrapper):
+    """One satellite, for libraries that put single environments side by side: as in `Excitation`, but for `stagger`."""
+
+    def step(self, action: Any) -> Any:
+        """Take one decision, with 3 body rates, cut to [-1, 1]."""
+        observation, reward, terminated, truncated, info = self.env.step(commanded(action))
+        return observation, reward, terminated or truncated, False, info
+
+
+gymnasium.register("Excitation-v0", lambda: SingleExcitation(gymnasium.make("SatInertiaID-v0", **TASK)))
+
+
 def commanded(actions: Any) -> np.ndarray:
     """The environment's actions (N, 3) for a policy's, which are cut to [-1, 1]."""
     return SHARE * np.clip(actions, -1.0, 1.0)
@@ -135,14 +147,15 @@ def command(train: Callable[[int, int], Learned], name: str) -> None:
     """Command line of a trainer: learn, and print a row of the table."""
     parser = argparse.ArgumentParser(description=f"PPO by {name}: one row of the table in docs/trainers.md.")
     parser.add_argument("--steps", type=int, default=200_000, help="decisions, all environments together")
-    parser.add_argument("--seed", type=int, default=0, help="of environments, network and exploration")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of environments, networks and exploration")
     options = parser.parse_args()
     torch.set_num_threads(1)
-    start = time.perf_counter()
-    policy = train(options.steps, options.seed)
-    seconds = time.perf_counter() - start
-    found = scores(policy)
-    print(
-        f"| {name} | {options.steps} | {options.seed} | {100 * found['final_error']:.4f} | "
-        f"{100 * found['outside_fraction']:.2f} | {seconds:.0f} | {revision()} |"
-    )
+    seconds, found = [], []
+    for seed in options.seeds:
+        start = time.perf_counter()
+        policy = train(options.steps, seed)
+        seconds.append(time.perf_counter() - start)
+        found.append(scores(policy))
+    errors = " ".join(f"{100 * score['final_error']:.4f}" for score in found)
+    outside = " ".join(f"{100 * score['outside_fraction']:.2f}" for score in found)
+    print(f"| {name} | {options.steps} | {errors} | {outside} | {np.mean(seconds):.0f} | {revision()} |")

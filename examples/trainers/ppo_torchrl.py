@@ -18,7 +18,7 @@ from torchrl.objectives.value import GAE
 def train(steps, seed):
     """The policy after so many decisions."""
     torch.manual_seed(seed)
-    vector = Excitation(AutoresetMode.SAME_STEP, seed)  # NEXT_STEP is refused
+    vector = Excitation(AutoresetMode.DISABLED, seed)  # TorchRL resets what has ended; NEXT_STEP is refused
     env = GymWrapper(vector)
     mean = network(vector, 3, 0.01)
     scaled = torch.nn.Sequential(mean, AddStateIndependentNormalScale(3, scale_mapping="exp"))
@@ -42,7 +42,13 @@ def train(steps, seed):
     )
     optimizer = torch.optim.Adam(loss.parameters(), LEARNING_RATE, eps=1e-5)
     rollout = ENVS * ROLLOUT
-    collector = Collector(env, actor, frames_per_batch=rollout, total_frames=max(1, steps // rollout) * rollout)
+    collector = Collector(
+        env,
+        actor,
+        frames_per_batch=rollout,
+        total_frames=max(1, steps // rollout) * rollout,
+        auto_register_policy_transforms=False,  # they mark where memories begin anew, of which there are none
+    )
     for data in collector:
         with torch.no_grad():
             advantages(data)
