@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import gymnasium
@@ -28,6 +29,7 @@ TASK: dict[str, Any] = {
     "include_covariance": True,
     "reward": {"held_reference": 22.0},
 }
+MARGIN = 2.6  # of the rate's noise, where `RateCommandVecEnv` keeps it: 97 to 98 % of the limit
 ENVS, ROLLOUT, EPOCHS, MINIBATCHES = 64, 50, 5, 4  # of PPO, in whatever library
 GAMMA, GAE_LAMBDA, CLIP, LEARNING_RATE, LOG_STD = 0.9, 0.8, 0.2, 2e-3, 0.0
 HIDDEN = (64, 64)  # units of the layers, tanh after each, of policy and value
@@ -37,8 +39,8 @@ class Excitation(VectorWrapper):
     """The satellite, many times, with the first reset of a given seed: libraries seed differently or not at all.
 
     The first episodes have less time left, evenly spread (`stagger`), so that a rollout holds every part of an episode.
-    The horizon is the end of the task, of which the policy observes the time left, so that it is reported as termination:
-    no library then adds the value of a state after it.
+    The horizon is the end of the task, and the policy observes the time left, so it is reported as termination: no
+    library adds the value of a state after it.
 
     Args:
         autoreset_mode: what the library expects of the environments.
@@ -46,13 +48,13 @@ class Excitation(VectorWrapper):
         num_envs: how many.
     """
 
-    def __init__(self, autoreset_mode: AutoresetMode, seed: int, num_envs: int = ENVS) -> None:
+    def __init__(self, autoreset_mode: str | AutoresetMode, seed: int, num_envs: int = ENVS) -> None:
         super().__init__(
             gymnasium.make_vec(
                 "SatInertiaID-v0", num_envs=num_envs, stagger=True, autoreset_mode=autoreset_mode, **TASK
             )
         )
-        self.autoreset_mode = autoreset_mode
+        self.autoreset_mode = self.env.unwrapped.autoreset_mode
         self._first: int | None = seed
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
@@ -84,10 +86,16 @@ def commanded(actions: Any) -> np.ndarray:
 
 
 def network(env: Any, outputs: int, gain: float) -> torch.nn.Sequential:
-    """Policy (3 outputs, gain 0.01) or value (1 output, gain 1) of observations, with clocks of the last half minute."""
+    """Network of observations, with clocks of the last half minute.
+
+    Args:
+        env: whose observations.
+        outputs: 3 of a policy, 1 of a value.
+        gain: of the last layer's first weights: 0.01 of a policy, 1 of a value.
+    """
     sizes = (env.single_observation_space.shape[0], *HIDDEN)
     layers: list[torch.nn.Module] = []
-    for width, units in zip(sizes, sizes[1:], strict=False):
+    for width, units in pairwise(sizes):
         layers += [orthogonal(torch.nn.Linear(width, units), 2.0**0.5), torch.nn.Tanh()]
     set_clocks(layers[0], env.unwrapped.problem)
     return torch.nn.Sequential(*layers, orthogonal(torch.nn.Linear(sizes[-1], outputs), gain))

@@ -5,8 +5,8 @@ Schulman et al., Proximal Policy Optimization Algorithms, 2017.
 PYTHONPATH=. python examples/trainers/ppo_one_file.py
 """
 
+import excitation as task
 import torch
-from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
 from excitation import Excitation, Learned, command, network
 from gymnasium.vector import AutoresetMode
 
@@ -17,17 +17,17 @@ def train(steps, seed):
     # the observation after an episode's last decision is the first of the next episode
     env = Excitation(AutoresetMode.SAME_STEP, seed)
     actor, critic = network(env, 3, 0.01), network(env, 1, 1.0)
-    log_std = torch.nn.Parameter(torch.full((3,), LOG_STD))
+    log_std = torch.nn.Parameter(torch.full((3,), task.LOG_STD))
     parameters = [*actor.parameters(), *critic.parameters(), log_std]
-    optimizer = torch.optim.Adam(parameters, LEARNING_RATE, eps=1e-5)
+    optimizer = torch.optim.Adam(parameters, task.LEARNING_RATE, eps=1e-5)
 
-    observations = torch.empty(ROLLOUT, ENVS, env.single_observation_space.shape[0])
-    actions = torch.empty(ROLLOUT, ENVS, 3)
-    log_probs, rewards, dones, values = torch.empty(4, ROLLOUT, ENVS)
+    observations = torch.empty(task.ROLLOUT, task.ENVS, env.single_observation_space.shape[0])
+    actions = torch.empty(task.ROLLOUT, task.ENVS, 3)
+    log_probs, rewards, dones, values = torch.empty(4, task.ROLLOUT, task.ENVS)
     observation = torch.as_tensor(env.reset()[0])
 
-    for _ in range(max(1, steps // (ROLLOUT * ENVS))):
-        for t in range(ROLLOUT):
+    for _ in range(max(1, steps // (task.ROLLOUT * task.ENVS))):
+        for t in range(task.ROLLOUT):
             with torch.no_grad():
                 explored = torch.distributions.Normal(actor(observation), log_std.exp())
                 observations[t], actions[t] = observation, explored.sample()
@@ -39,22 +39,24 @@ def train(steps, seed):
 
         advantages = torch.empty_like(rewards)
         with torch.no_grad():
-            next_value, advantage = critic(observation)[:, 0], torch.zeros(ENVS)
-        for t in reversed(range(ROLLOUT)):
+            next_value, advantage = critic(observation)[:, 0], torch.zeros(task.ENVS)
+        for t in reversed(range(task.ROLLOUT)):
             goes_on = 1.0 - dones[t]
-            error = rewards[t] + GAMMA * goes_on * next_value - values[t]
-            advantage = error + GAMMA * GAE_LAMBDA * goes_on * advantage
+            error = rewards[t] + task.GAMMA * goes_on * next_value - values[t]
+            advantage = error + task.GAMMA * task.GAE_LAMBDA * goes_on * advantage
             advantages[t], next_value = advantage, values[t]
         returns = advantages + values
 
         flat = [x.flatten(0, 1) for x in (observations, actions, log_probs, advantages, returns)]
-        for _ in range(EPOCHS):
-            for batch in torch.randperm(ROLLOUT * ENVS).chunk(MINIBATCHES):
+        for _ in range(task.EPOCHS):
+            for batch in torch.randperm(task.ROLLOUT * task.ENVS).chunk(task.MINIBATCHES):
                 seen, taken, log_prob, advantage_of, return_of = (x[batch] for x in flat)
                 advantage_of = (advantage_of - advantage_of.mean()) / (advantage_of.std() + 1e-8)
                 now = torch.distributions.Normal(actor(seen), log_std.exp())
                 ratio = (now.log_prob(taken).sum(-1) - log_prob).exp()
-                policy_loss = -torch.min(ratio * advantage_of, ratio.clamp(1 - CLIP, 1 + CLIP) * advantage_of).mean()
+                policy_loss = -torch.min(
+                    ratio * advantage_of, ratio.clamp(1 - task.CLIP, 1 + task.CLIP) * advantage_of
+                ).mean()
                 value_loss = (critic(seen)[:, 0] - return_of).square().mean()
                 optimizer.zero_grad()
                 (policy_loss + 0.5 * value_loss).backward()

@@ -3,9 +3,9 @@
 PYTHONPATH=. python examples/trainers/ppo_recurrent.py
 """
 
+import excitation as task
 import numpy as np
-from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, HIDDEN, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
-from excitation import TASK, Learned, command
+from excitation import Learned, command
 from sb3_contrib import RecurrentPPO
 
 from satid_gym.sb3 import RateCommandVecEnv
@@ -30,22 +30,24 @@ class Recurrent(Learned):
 
 def train(steps, seed):
     """The policy after so many decisions."""
-    env = RateCommandVecEnv(ENVS, margin=2.6, stagger=True, **TASK)  # a margin of 2.6 is 97 to 98 % of the limit
+    env = RateCommandVecEnv(
+        task.ENVS, margin=2.6, stagger=True, **task.TASK
+    )  # a margin of 2.6 is 97 to 98 % of the limit
     model = RecurrentPPO(
         "MlpLstmPolicy",
         env,
-        n_steps=ROLLOUT,
-        batch_size=ENVS * ROLLOUT // MINIBATCHES,
-        n_epochs=EPOCHS,
-        gamma=GAMMA,
-        gae_lambda=GAE_LAMBDA,
-        clip_range=CLIP,
-        learning_rate=LEARNING_RATE,
+        n_steps=task.ROLLOUT,
+        batch_size=task.ENVS * task.ROLLOUT // task.MINIBATCHES,
+        n_epochs=task.EPOCHS,
+        gamma=task.GAMMA,
+        gae_lambda=task.GAE_LAMBDA,
+        clip_range=task.CLIP,
+        learning_rate=task.LEARNING_RATE,
         policy_kwargs={
-            "net_arch": list(HIDDEN),
+            "net_arch": list(task.HIDDEN),
             "lstm_hidden_size": 64,
             "enable_critic_lstm": False,
-            "log_std_init": LOG_STD,
+            "log_std_init": task.LOG_STD,
         },
         seed=seed,
         device="cpu",

@@ -3,8 +3,8 @@
 PYTHONPATH=. python examples/trainers/ppo_sb3.py
 """
 
-from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, HIDDEN, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
-from excitation import TASK, Learned, command
+import excitation as task
+from excitation import Learned, command
 from stable_baselines3 import PPO
 
 from agents.training.clocks import set_clocks
@@ -13,18 +13,20 @@ from satid_gym.sb3 import RateCommandVecEnv
 
 def train(steps, seed):
     """The policy after so many decisions."""
-    env = RateCommandVecEnv(ENVS, margin=2.6, stagger=True, **TASK)  # a margin of 2.6 is 97 to 98 % of the limit
+    env = RateCommandVecEnv(
+        task.ENVS, margin=2.6, stagger=True, **task.TASK
+    )  # a margin of 2.6 is 97 to 98 % of the limit
     model = PPO(
         "MlpPolicy",
         env,
-        n_steps=ROLLOUT,
-        batch_size=ENVS * ROLLOUT // MINIBATCHES,
-        n_epochs=EPOCHS,
-        gamma=GAMMA,
-        gae_lambda=GAE_LAMBDA,
-        clip_range=CLIP,
-        learning_rate=LEARNING_RATE,
-        policy_kwargs={"net_arch": list(HIDDEN), "log_std_init": LOG_STD},
+        n_steps=task.ROLLOUT,
+        batch_size=task.ENVS * task.ROLLOUT // task.MINIBATCHES,
+        n_epochs=task.EPOCHS,
+        gamma=task.GAMMA,
+        gae_lambda=task.GAE_LAMBDA,
+        clip_range=task.CLIP,
+        learning_rate=task.LEARNING_RATE,
+        policy_kwargs={"net_arch": list(task.HIDDEN), "log_std_init": task.LOG_STD},
         seed=seed,
         device="cpu",
     )

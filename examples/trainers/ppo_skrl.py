@@ -3,8 +3,8 @@
 PYTHONPATH=. python examples/trainers/ppo_skrl.py
 """
 
+import excitation as task
 import torch
-from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
 from excitation import Excitation, Learned, command, network
 from gymnasium.vector import AutoresetMode
 from skrl.agents.torch.ppo import PPO, PPO_CFG
@@ -21,7 +21,7 @@ class Policy(GaussianMixin, Model):
     def __init__(self, spaces, net):
         Model.__init__(self, **spaces)
         GaussianMixin.__init__(self)
-        self.net, self.log_std = net, torch.nn.Parameter(torch.full((3,), LOG_STD))
+        self.net, self.log_std = net, torch.nn.Parameter(torch.full((3,), task.LOG_STD))
 
     def compute(self, inputs, role):
         """Mean (N, 3), and the logarithm of the standard deviation."""
@@ -49,24 +49,24 @@ def train(steps, seed):
     spaces = {"observation_space": env.observation_space, "action_space": env.action_space, "device": env.device}
     policy, value = Policy(spaces, network(vector, 3, 0.01)), Value(spaces, network(vector, 1, 1.0))
     settings = PPO_CFG(
-        rollouts=ROLLOUT,
-        learning_epochs=EPOCHS,
-        mini_batches=MINIBATCHES,
-        discount_factor=GAMMA,
-        gae_lambda=GAE_LAMBDA,
-        learning_rate=LEARNING_RATE,
-        ratio_clip=CLIP,
+        rollouts=task.ROLLOUT,
+        learning_epochs=task.EPOCHS,
+        mini_batches=task.MINIBATCHES,
+        discount_factor=task.GAMMA,
+        gae_lambda=task.GAE_LAMBDA,
+        learning_rate=task.LEARNING_RATE,
+        ratio_clip=task.CLIP,
         value_clip=0.0,
         value_loss_scale=0.5,
     )
     settings.experiment.write_interval = settings.experiment.checkpoint_interval = 0
     agent = PPO(
         models={"policy": policy, "value": value},
-        memory=RandomMemory(memory_size=ROLLOUT, num_envs=ENVS, device=env.device),
+        memory=RandomMemory(memory_size=task.ROLLOUT, num_envs=task.ENVS, device=env.device),
         cfg=settings,
         **spaces,
     )
-    decisions = max(1, steps // (ENVS * ROLLOUT)) * ROLLOUT
+    decisions = max(1, steps // (task.ENVS * task.ROLLOUT)) * task.ROLLOUT
     trainer = {"timesteps": decisions, "headless": True, "disable_progressbar": True}
     SequentialTrainer(env=env, agents=agent, cfg=trainer).train()
     return Learned.of(policy.net)

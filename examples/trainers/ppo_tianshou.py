@@ -3,9 +3,9 @@
 PYTHONPATH=. python examples/trainers/ppo_tianshou.py
 """
 
+import excitation as task
 import numpy as np
 import torch
-from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
 from excitation import Excitation, Learned, command, network
 from gymnasium.vector import AutoresetMode
 from tianshou.algorithm import PPO
@@ -43,7 +43,7 @@ class NativeVectorEnv(BaseVectorEnv):
         """Take one decision in every environment."""
         indices = list(self._wrap_id(id))
         if indices != list(range(self.env_num)):
-            raise ValueError(f"expected all {self.env_num} environments, got {indices}: collect decisions, not episodes")
+            raise ValueError(f"expected all {self.env_num} rows, got {indices}: collect decisions, not episodes")
         observations, rewards, terminations, truncations, _ = self.vector.step(action)
         return observations, rewards, terminations, truncations, np.array([{"env_id": i} for i in indices])
 
@@ -58,7 +58,7 @@ class Actor(torch.nn.Module):
 
     def __init__(self, net):
         super().__init__()
-        self.net, self.log_std = net, torch.nn.Parameter(torch.full((3,), LOG_STD))
+        self.net, self.log_std = net, torch.nn.Parameter(torch.full((3,), task.LOG_STD))
 
     def forward(self, obs, state=None, info=None):
         """Mean and standard deviation, (N, 3) each, and Tianshou's hidden state."""
@@ -99,24 +99,24 @@ def train(steps, seed):
     algorithm = PPO(
         policy=policy,
         critic=Critic(network(vector, 1, 1.0)),
-        optim=AdamOptimizerFactory(lr=LEARNING_RATE, eps=1e-5),
-        eps_clip=CLIP,
-        gamma=GAMMA,
-        gae_lambda=GAE_LAMBDA,
+        optim=AdamOptimizerFactory(lr=task.LEARNING_RATE, eps=1e-5),
+        eps_clip=task.CLIP,
+        gamma=task.GAMMA,
+        gae_lambda=task.GAE_LAMBDA,
         vf_coef=0.5,
         ent_coef=0.0,
         max_grad_norm=0.5,
-        max_batchsize=ENVS * ROLLOUT,
+        max_batchsize=task.ENVS * task.ROLLOUT,
     )
-    rollout = ENVS * ROLLOUT
+    rollout = task.ENVS * task.ROLLOUT
     algorithm.run_training(
         OnPolicyTrainerParams(
-            training_collector=Collector(policy, NativeVectorEnv(vector), VectorReplayBuffer(rollout, ENVS)),
+            training_collector=Collector(policy, NativeVectorEnv(vector), VectorReplayBuffer(rollout, task.ENVS)),
             max_epochs=1,
             epoch_num_steps=max(1, steps // rollout) * rollout,
             collection_step_num_env_steps=rollout,
-            update_step_num_repetitions=EPOCHS,
-            batch_size=rollout // MINIBATCHES,
+            update_step_num_repetitions=task.EPOCHS,
+            batch_size=rollout // task.MINIBATCHES,
             show_progress=False,
             verbose=False,
         )

@@ -3,8 +3,8 @@
 PYTHONPATH=. python examples/trainers/ppo_torchrl.py
 """
 
+import excitation as task
 import torch
-from excitation import CLIP, ENVS, EPOCHS, GAE_LAMBDA, GAMMA, LEARNING_RATE, LOG_STD, MINIBATCHES, ROLLOUT
 from excitation import Excitation, Learned, command, network
 from gymnasium.vector import AutoresetMode
 from tensordict.nn import AddStateIndependentNormalScale, TensorDictModule
@@ -22,7 +22,7 @@ def train(steps, seed):
     env = GymWrapper(vector)
     mean = network(vector, 3, 0.01)
     scaled = torch.nn.Sequential(mean, AddStateIndependentNormalScale(3, scale_mapping="exp"))
-    torch.nn.init.constant_(scaled[1].state_independent_scale, LOG_STD)
+    torch.nn.init.constant_(scaled[1].state_independent_scale, task.LOG_STD)
     actor = ProbabilisticActor(
         TensorDictModule(scaled, in_keys=["observation"], out_keys=["loc", "scale"]),
         in_keys=["loc", "scale"],
@@ -30,18 +30,18 @@ def train(steps, seed):
         return_log_prob=True,
     )
     critic = ValueOperator(network(vector, 1, 1.0), in_keys=["observation"])
-    advantages = GAE(gamma=GAMMA, lmbda=GAE_LAMBDA, value_network=critic)
+    advantages = GAE(gamma=task.GAMMA, lmbda=task.GAE_LAMBDA, value_network=critic)
     loss = ClipPPOLoss(
         actor,
         critic,
-        clip_epsilon=CLIP,
+        clip_epsilon=task.CLIP,
         entropy_bonus=False,
         critic_coeff=0.5,
         loss_critic_type="l2",
         normalize_advantage=True,
     )
-    optimizer = torch.optim.Adam(loss.parameters(), LEARNING_RATE, eps=1e-5)
-    rollout = ENVS * ROLLOUT
+    optimizer = torch.optim.Adam(loss.parameters(), task.LEARNING_RATE, eps=1e-5)
+    rollout = task.ENVS * task.ROLLOUT
     collector = Collector(
         env,
         actor,
@@ -53,8 +53,8 @@ def train(steps, seed):
         with torch.no_grad():
             advantages(data)
         flat = data.reshape(-1)
-        for _ in range(EPOCHS):
-            for batch in torch.randperm(rollout).chunk(MINIBATCHES):
+        for _ in range(task.EPOCHS):
+            for batch in torch.randperm(rollout).chunk(task.MINIBATCHES):
                 terms = loss(flat[batch])
                 optimizer.zero_grad()
                 (terms["loss_objective"] + terms["loss_critic"]).backward()
