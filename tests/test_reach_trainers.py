@@ -69,7 +69,7 @@ def test_torchrl_refuses_the_default_autoreset_and_resets_by_itself(excitation):
     with pytest.raises(RuntimeError, match="SAME_STEP or DISABLED"):
         GymWrapper(excitation.Excitation("NextStep", 0, 2))
     env = GymWrapper(excitation.Excitation("Disabled", 0, 3))
-    rollout = env.rollout(301, lambda data: data.set("action", torch.zeros(3, 3)), break_when_any_done=False)
+    rollout = env.rollout(301, lambda observations: torch.zeros(3, 3), break_when_any_done=False)
     left = env._env.unwrapped.problem.layout["time_left"]
     ended = rollout["next", "terminated"][..., 0]
     assert ended.sum(1).tolist() == [1, 1, 1]

@@ -31,7 +31,8 @@ TASK: dict[str, Any] = {
 }
 MARGIN = 2.6  # of the rate's noise, where `RateCommandVecEnv` keeps it: 97 to 98 % of the limit
 ENVS, ROLLOUT, EPOCHS, MINIBATCHES = 64, 50, 5, 4  # of PPO, in whatever library
-GAMMA, GAE_LAMBDA, CLIP, LEARNING_RATE, LOG_STD = 0.9, 0.8, 0.2, 2e-3, 0.0
+GAMMA, GAE_LAMBDA, CLIP, LOG_STD = 0.9, 0.8, 0.2, 0.0
+LEARNING_RATE = 2e-3  # at the start; linearly to 0 at the end
 HIDDEN = (64, 64)  # units of the layers, tanh after each, of policy and value
 
 
@@ -78,6 +79,11 @@ class SingleExcitation(gymnasium.Wrapper):
 
 
 gymnasium.register("Excitation-v0", lambda: SingleExcitation(gymnasium.make("SatInertiaID-v0", **TASK)))
+
+
+def updates(steps: int) -> int:
+    """Number of rollouts in so many decisions."""
+    return max(1, steps // (ENVS * ROLLOUT))
 
 
 def commanded(actions: Any) -> np.ndarray:

@@ -7,7 +7,7 @@ PYTHONPATH=. python examples/trainers/ppo_one_file.py
 
 import excitation as task
 import torch
-from excitation import Excitation, Learned, command, network
+from excitation import Excitation, Learned, command, network, updates
 from gymnasium.vector import AutoresetMode
 
 
@@ -20,13 +20,14 @@ def train(steps, seed):
     log_std = torch.nn.Parameter(torch.full((3,), task.LOG_STD))
     parameters = [*actor.parameters(), *critic.parameters(), log_std]
     optimizer = torch.optim.Adam(parameters, task.LEARNING_RATE, eps=1e-5)
+    schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, updates(steps))
 
     observations = torch.empty(task.ROLLOUT, task.ENVS, env.single_observation_space.shape[0])
     actions = torch.empty(task.ROLLOUT, task.ENVS, 3)
     log_probs, rewards, dones, values = torch.empty(4, task.ROLLOUT, task.ENVS)
     observation = torch.as_tensor(env.reset()[0])
 
-    for _ in range(max(1, steps // (task.ROLLOUT * task.ENVS))):
+    for _ in range(updates(steps)):
         for t in range(task.ROLLOUT):
             with torch.no_grad():
                 explored = torch.distributions.Normal(actor(observation), log_std.exp())
@@ -62,6 +63,7 @@ def train(steps, seed):
                 (policy_loss + 0.5 * value_loss).backward()
                 torch.nn.utils.clip_grad_norm_(parameters, 0.5)
                 optimizer.step()
+        schedule.step()
     env.close()
     return Learned.of(actor)
 

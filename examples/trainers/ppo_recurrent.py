@@ -1,4 +1,4 @@
-"""Recurrent PPO of sb3-contrib: an LSTM before the policy, none before the value, which learns four times as fast.
+"""Recurrent PPO of sb3-contrib: an LSTM before the policy, none before the value.
 
 PYTHONPATH=. python examples/trainers/ppo_recurrent.py
 """
@@ -42,7 +42,7 @@ def train(steps, seed):
         gamma=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
         clip_range=task.CLIP,
-        learning_rate=task.LEARNING_RATE,
+        learning_rate=lambda left: left * task.LEARNING_RATE,
         policy_kwargs={
             "net_arch": list(task.HIDDEN),
             "lstm_hidden_size": 64,

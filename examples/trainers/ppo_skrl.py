@@ -5,7 +5,7 @@ PYTHONPATH=. python examples/trainers/ppo_skrl.py
 
 import excitation as task
 import torch
-from excitation import Excitation, Learned, command, network
+from excitation import Excitation, Learned, command, network, updates
 from gymnasium.vector import AutoresetMode
 from skrl.agents.torch.ppo import PPO, PPO_CFG
 from skrl.envs.wrappers.torch import wrap_env
@@ -55,6 +55,8 @@ def train(steps, seed):
         discount_factor=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
         learning_rate=task.LEARNING_RATE,
+        learning_rate_scheduler=torch.optim.lr_scheduler.LinearLR,
+        learning_rate_scheduler_kwargs={"start_factor": 1.0, "end_factor": 0.0, "total_iters": updates(steps)},
         ratio_clip=task.CLIP,
         value_clip=0.0,
         value_loss_scale=0.5,
@@ -66,8 +68,7 @@ def train(steps, seed):
         cfg=settings,
         **spaces,
     )
-    decisions = max(1, steps // (task.ENVS * task.ROLLOUT)) * task.ROLLOUT
-    trainer = {"timesteps": decisions, "headless": True, "disable_progressbar": True}
+    trainer = {"timesteps": updates(steps) * task.ROLLOUT, "headless": True, "disable_progressbar": True}
     SequentialTrainer(env=env, agents=agent, cfg=trainer).train()
     return Learned.of(policy.net)
 

@@ -6,11 +6,11 @@ PYTHONPATH=. python examples/trainers/ppo_tianshou.py
 import excitation as task
 import numpy as np
 import torch
-from excitation import Excitation, Learned, command, network
+from excitation import Excitation, Learned, command, network, updates
 from gymnasium.vector import AutoresetMode
 from tianshou.algorithm import PPO
 from tianshou.algorithm.modelfree.reinforce import ProbabilisticActorPolicy
-from tianshou.algorithm.optim import AdamOptimizerFactory
+from tianshou.algorithm.optim import AdamOptimizerFactory, LRSchedulerFactoryLinear
 from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.env import BaseVectorEnv
 from tianshou.trainer import OnPolicyTrainerParams
@@ -96,24 +96,27 @@ def train(steps, seed):
         action_scaling=False,
         action_bound_method=None,
     )
+    rollout = task.ENVS * task.ROLLOUT
+    decisions = updates(steps) * rollout
+    optimizer = AdamOptimizerFactory(lr=task.LEARNING_RATE, eps=1e-5)
+    optimizer.with_lr_scheduler_factory(LRSchedulerFactoryLinear(1, decisions, rollout))
     algorithm = PPO(
         policy=policy,
         critic=Critic(network(vector, 1, 1.0)),
-        optim=AdamOptimizerFactory(lr=task.LEARNING_RATE, eps=1e-5),
+        optim=optimizer,
         eps_clip=task.CLIP,
         gamma=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
         vf_coef=0.5,
         ent_coef=0.0,
         max_grad_norm=0.5,
-        max_batchsize=task.ENVS * task.ROLLOUT,
+        max_batchsize=rollout,
     )
-    rollout = task.ENVS * task.ROLLOUT
     algorithm.run_training(
         OnPolicyTrainerParams(
             training_collector=Collector(policy, NativeVectorEnv(vector), VectorReplayBuffer(rollout, task.ENVS)),
             max_epochs=1,
-            epoch_num_steps=max(1, steps // rollout) * rollout,
+            epoch_num_steps=decisions,
             collection_step_num_env_steps=rollout,
             update_step_num_repetitions=task.EPOCHS,
             batch_size=rollout // task.MINIBATCHES,

@@ -5,7 +5,7 @@ PYTHONPATH=. python examples/trainers/ppo_torchrl.py
 
 import excitation as task
 import torch
-from excitation import Excitation, Learned, command, network
+from excitation import Excitation, Learned, command, network, updates
 from gymnasium.vector import AutoresetMode
 from tensordict.nn import AddStateIndependentNormalScale, TensorDictModule
 from torchrl.collectors import Collector
@@ -41,12 +41,13 @@ def train(steps, seed):
         normalize_advantage=True,
     )
     optimizer = torch.optim.Adam(loss.parameters(), task.LEARNING_RATE, eps=1e-5)
+    schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, updates(steps))
     rollout = task.ENVS * task.ROLLOUT
     collector = Collector(
         env,
         actor,
         frames_per_batch=rollout,
-        total_frames=max(1, steps // rollout) * rollout,
+        total_frames=updates(steps) * rollout,
         auto_register_policy_transforms=False,  # they mark where memories begin anew, of which there are none
     )
     for data in collector:
@@ -60,6 +61,7 @@ def train(steps, seed):
                 (terms["loss_objective"] + terms["loss_critic"]).backward()
                 torch.nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
                 optimizer.step()
+        schedule.step()
     collector.shutdown()
     return Learned.of(mean)
 
