@@ -31,8 +31,7 @@ TASK: dict[str, Any] = {
 }
 MARGIN = 2.6  # of the rate's noise, where `RateCommandVecEnv` keeps it: 97 to 98 % of the limit
 ENVS, ROLLOUT, EPOCHS, MINIBATCHES = 64, 50, 5, 4  # of PPO, in whatever library
-GAMMA, GAE_LAMBDA, CLIP, LOG_STD = 0.9, 0.8, 0.2, 0.0
-LEARNING_RATE = 2e-3  # at the start; linearly to 0 at the end
+GAMMA, GAE_LAMBDA, CLIP, LEARNING_RATE, LOG_STD = 0.9, 0.8, 0.2, 2e-3, 0.0
 HIDDEN = (64, 64)  # units of the layers, tanh after each, of policy and value
 
 
@@ -160,7 +159,7 @@ def scores(policy: Learned, episodes: int = 64) -> dict[str, float]:
 def command(train: Callable[[int, int], Learned], name: str) -> None:
     """Command line of a trainer: learn, and print a row of the table."""
     parser = argparse.ArgumentParser(description=f"PPO by {name}: one row of the table in docs/trainers.md.")
-    parser.add_argument("--steps", type=int, default=200_000, help="decisions, all environments together")
+    parser.add_argument("--steps", type=int, default=400_000, help="decisions, all environments together")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of environments, networks and exploration")
     options = parser.parse_args()
     torch.set_num_threads(1)

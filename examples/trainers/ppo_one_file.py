@@ -20,7 +20,6 @@ def train(steps, seed):
     log_std = torch.nn.Parameter(torch.full((3,), task.LOG_STD))
     parameters = [*actor.parameters(), *critic.parameters(), log_std]
     optimizer = torch.optim.Adam(parameters, task.LEARNING_RATE, eps=1e-5)
-    schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, updates(steps))
 
     observations = torch.empty(task.ROLLOUT, task.ENVS, env.single_observation_space.shape[0])
     actions = torch.empty(task.ROLLOUT, task.ENVS, 3)
@@ -63,7 +62,6 @@ def train(steps, seed):
                 (policy_loss + 0.5 * value_loss).backward()
                 torch.nn.utils.clip_grad_norm_(parameters, 0.5)
                 optimizer.step()
-        schedule.step()
     env.close()
     return Learned.of(actor)
 

@@ -42,7 +42,7 @@ def train(steps, seed):
         gamma=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
         clip_range=task.CLIP,
-        learning_rate=lambda left: left * task.LEARNING_RATE,
+        learning_rate=lambda left: left * task.LEARNING_RATE,  # with a constant one it unlearns now and then
         policy_kwargs={
             "net_arch": list(task.HIDDEN),
             "lstm_hidden_size": 64,

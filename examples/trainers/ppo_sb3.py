@@ -25,7 +25,7 @@ def train(steps, seed):
         gamma=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
         clip_range=task.CLIP,
-        learning_rate=lambda left: left * task.LEARNING_RATE,
+        learning_rate=task.LEARNING_RATE,
         policy_kwargs={"net_arch": list(task.HIDDEN), "log_std_init": task.LOG_STD},
         seed=seed,
         device="cpu",

@@ -55,8 +55,6 @@ def train(steps, seed):
         discount_factor=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
         learning_rate=task.LEARNING_RATE,
-        learning_rate_scheduler=torch.optim.lr_scheduler.LinearLR,
-        learning_rate_scheduler_kwargs={"start_factor": 1.0, "end_factor": 0.0, "total_iters": updates(steps)},
         ratio_clip=task.CLIP,
         value_clip=0.0,
         value_loss_scale=0.5,

@@ -10,7 +10,7 @@ from excitation import Excitation, Learned, command, network, updates
 from gymnasium.vector import AutoresetMode
 from tianshou.algorithm import PPO
 from tianshou.algorithm.modelfree.reinforce import ProbabilisticActorPolicy
-from tianshou.algorithm.optim import AdamOptimizerFactory, LRSchedulerFactoryLinear
+from tianshou.algorithm.optim import AdamOptimizerFactory
 from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.env import BaseVectorEnv
 from tianshou.trainer import OnPolicyTrainerParams
@@ -97,13 +97,10 @@ def train(steps, seed):
         action_bound_method=None,
     )
     rollout = task.ENVS * task.ROLLOUT
-    decisions = updates(steps) * rollout
-    optimizer = AdamOptimizerFactory(lr=task.LEARNING_RATE, eps=1e-5)
-    optimizer.with_lr_scheduler_factory(LRSchedulerFactoryLinear(1, decisions, rollout))
     algorithm = PPO(
         policy=policy,
         critic=Critic(network(vector, 1, 1.0)),
-        optim=optimizer,
+        optim=AdamOptimizerFactory(lr=task.LEARNING_RATE, eps=1e-5),
         eps_clip=task.CLIP,
         gamma=task.GAMMA,
         gae_lambda=task.GAE_LAMBDA,
@@ -116,7 +113,7 @@ def train(steps, seed):
         OnPolicyTrainerParams(
             training_collector=Collector(policy, NativeVectorEnv(vector), VectorReplayBuffer(rollout, task.ENVS)),
             max_epochs=1,
-            epoch_num_steps=decisions,
+            epoch_num_steps=updates(steps) * rollout,
             collection_step_num_env_steps=rollout,
             update_step_num_repetitions=task.EPOCHS,
             batch_size=rollout // task.MINIBATCHES,

@@ -41,7 +41,6 @@ def train(steps, seed):
         normalize_advantage=True,
     )
     optimizer = torch.optim.Adam(loss.parameters(), task.LEARNING_RATE, eps=1e-5)
-    schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, updates(steps))
     rollout = task.ENVS * task.ROLLOUT
     collector = Collector(
         env,
@@ -61,7 +60,6 @@ def train(steps, seed):
                 (terms["loss_objective"] + terms["loss_critic"]).backward()
                 torch.nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
                 optimizer.step()
-        schedule.step()
     collector.shutdown()
     return Learned.of(mean)
 
