@@ -11,7 +11,7 @@ FILES = sorted(Path(__file__).parent.glob("ppo_*.py"))
 
 if __name__ == "__main__":
     print("| trainer | decisions | final error of each seed, % | outside, % | s a seed | revision |")
-    print("| --- | ---: | --- | --- | ---: | --- |")
+    print("| --- | ---: | --- | --- | ---: | --- |", flush=True)
     for file in FILES:
         words = [sys.executable, str(file), *sys.argv[1:]]
         said = subprocess.run(words, stdout=subprocess.PIPE, text=True, check=True).stdout  # noqa: S603  # own files
