@@ -67,7 +67,9 @@ def train(steps, seed):
         **spaces,
     )
     trainer = {"timesteps": updates(steps) * task.ROLLOUT, "headless": True, "disable_progressbar": True}
+    trainer["close_environment_at_exit"] = False
     SequentialTrainer(env=env, agents=agent, cfg=trainer).train()
+    env.close()
     return Learned.of(policy.net)
 
 

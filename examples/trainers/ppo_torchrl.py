@@ -60,7 +60,7 @@ def train(steps, seed):
                 (terms["loss_objective"] + terms["loss_critic"]).backward()
                 torch.nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
                 optimizer.step()
-    collector.shutdown()
+    collector.shutdown()  # closes the environments
     return Learned.of(mean)
 
 
