@@ -54,9 +54,8 @@ def train(steps, seed):
                 advantage_of = (advantage_of - advantage_of.mean()) / (advantage_of.std() + 1e-8)
                 now = torch.distributions.Normal(actor(seen), log_std.exp())
                 ratio = (now.log_prob(taken).sum(-1) - log_prob).exp()
-                policy_loss = -torch.min(
-                    ratio * advantage_of, ratio.clamp(1 - task.CLIP, 1 + task.CLIP) * advantage_of
-                ).mean()
+                clipped = ratio.clamp(1.0 - task.CLIP, 1.0 + task.CLIP)
+                policy_loss = -torch.min(ratio * advantage_of, clipped * advantage_of).mean()
                 value_loss = (critic(seen)[:, 0] - return_of).square().mean()
                 optimizer.zero_grad()
                 (policy_loss + 0.5 * value_loss).backward()
