@@ -70,7 +70,7 @@ format: setup
 train: setup  ## the shipped policies again: the generalist's five runs, what combines them, and PPO
 	for seed in 0 1 2 3 4; do $(RUN) -m agents.imitate --seed $$seed || exit 1; done
 	$(RUN) -m agents.training.combine runs/generalist-0 runs/generalist-1 runs/generalist-2 runs/generalist-3 runs/generalist-4 --seed 1
-	$(RUN) -m agents.train --settings ppo --seed 1
+	$(RUN) -m agents.train --settings ppo --seed 0
 
 benchmark: setup
 	$(RUN) -m satid_gym.benchmark
