@@ -80,10 +80,6 @@ class TrainingOptions(RunOptions):
     runs: tuple[Task, ...] = field(init=False, default=())
     """Settings of each run."""
 
-    def __post_init__(self) -> None:
-        seeds = self.seeds or (self.training.seed,)
-        object.__setattr__(self, "runs", tuple(self.training.replace(seed=seed) for seed in seeds))
-
     @property
     def several(self) -> bool:
         """Whether runs are trained as tasks, each in the folder that its name and seed say."""
@@ -113,7 +109,8 @@ class TrainingOptions(RunOptions):
             tyro.cli(cls, args=arguments, default=cls(training=start), description=__doc__, config=config)  # type: ignore[arg-type]
             for start in starts
         ]
-        object.__setattr__(options[0], "runs", tuple(run for each in options for run in each.runs))
+        runs = [o.training.replace(seed=seed) for o in options for seed in o.seeds or (o.training.seed,)]
+        object.__setattr__(options[0], "runs", tuple(runs))
         options[0].check()
         return options[0]
 

@@ -11,6 +11,7 @@ import functools
 import hashlib
 import os
 import pickle
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -100,8 +101,9 @@ class RayExecutor(Executor):
         self._owner = not ray.is_initialized()
         if self._owner:
             try:
+                _check_reachable(address)
                 ray.init(address=address, log_to_driver=False, logging_level="ERROR")
-            except (ConnectionError, ValueError) as error:
+            except (OSError, ValueError) as error:
                 line = " ".join(str(error).split())
                 raise UserError(
                     f"no Ray cluster at {address!r} ({line}): start one by `ray start --head`, or give --ray local"
@@ -144,6 +146,17 @@ class RayExecutor(Executor):
         """Remove the results that were kept."""
         for file in self._files:
             file.unlink(missing_ok=True)
+
+
+def _check_reachable(address: str) -> None:
+    """Refuse an address where nobody listens, for which Ray would wait many minutes.
+
+    Raises:
+        OSError: nobody does.
+    """
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and port.isdigit():
+        socket.create_connection((host, int(port)), timeout=10.0).close()
 
 
 def cache() -> Path:
