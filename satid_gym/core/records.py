@@ -120,6 +120,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("costs", FLOAT, len(Cost)),
             ("effort", FLOAT),
             ("in_avoided_band", FLOAT),  # share of the samples with a wheel's speed in it
+            ("tracking", FLOAT),  # share of the samples at which the star tracker saw its stars
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision
             ("torque_applied", FLOAT, n),
             ("constrained_updates", INT),
