@@ -111,6 +111,11 @@ def update_attitude(belief, work, reading):
     elif attitude.is_known(belief):
         attitude.linearise(belief, work, reading)
         size = belief.mean.shape[0]
+        if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work, size):
+            adaptation.step(belief)
+            attitude.finish(belief, work)
+            attitude.forget(belief)
+            return
         nis = _update_once(belief, work, size) if belief.stepped != 0 else _update_rate(belief, work, size)
         belief.attitude.nis = nis / 3.0
         attitude.finish(belief, work)

@@ -9,7 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from scipy.spatial.transform import Rotation
 
+from satid_gym.estimators.filterpy.attitude import AttitudeModel
 from satid_gym.estimators.filterpy.calibration import CalibratedModel
 from satid_gym.estimators.filterpy.flexible import FlexibleModel
 from satid_gym.estimators.filterpy.gate import Gate
@@ -95,6 +97,13 @@ class FilterpyMomentumEKF(Reference):
                 "the gate of FilterpyMomentumEKF knows exact wheels and rigid bodies alone: use gate=0, or "
                 "calibrate=False and flexible=False"
             )
+        if prior.sensors.star_tracker is not None:
+            if self.momentum.adaptive or self.momentum.gate > 0.0 or (flexible and prior.modes):
+                raise ValueError(
+                    "of the reference filters FilterpyMomentumEKF takes a star tracker, for a rigid body and without "
+                    "gate: use MomentumEKF, or sensors without star_tracker"
+                )
+            return AttitudeModel(self.momentum, prior)
         if flexible and prior.modes:
             return FlexibleModel(self.momentum, prior)
         return CalibratedModel(self.momentum, prior) if calibrates else MomentumModel(self.momentum, prior)
@@ -113,6 +122,8 @@ class FilterpyMomentumEKF(Reference):
         start, end = self._a, self.model.input(wheel_speed)
         steps = self.momentum.steps(self.model.prior)
         h = dt / steps
+        if isinstance(self.model, AttitudeModel):
+            self.model.begin_prediction(self.filter.x, start, self._stepped)
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
             self._predict_step(a0, a1, h, dt)
@@ -124,6 +135,8 @@ class FilterpyMomentumEKF(Reference):
     def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
         kf, x = self.filter, self.filter.x
         kf.F = self.model.step_jacobian(x, a0, a1, h)
+        if isinstance(self.model, AttitudeModel):
+            self.model.turn(x, a0, a1, h)
         kf.Q = self.model.process_noise(x, a0, h, dt)
         kf.predict_x = lambda u: setattr(kf, "x", self.model.step(x, a0, a1, h))
         kf.predict()
@@ -133,7 +146,10 @@ class FilterpyMomentumEKF(Reference):
         """Update with the reading; returns the normalised innovation squared per degree of freedom."""
         kf, gate = self.filter, self._gate
         if gate is None:
-            return self._condition(gyro)
+            nis = self._condition(gyro)
+            if isinstance(self.model, AttitudeModel):
+                self.model.take_up(kf.x)
+            return nis
         if gate.repeated(gyro):
             return 0.0
         rejected = None if gate.momentum_lost() else gate.reject(kf, self._a, gyro)
@@ -172,12 +188,38 @@ class FilterpyMomentumEKF(Reference):
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
 
+    def update_attitude(self, attitude: np.ndarray) -> float:
+        """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
+
+        Raises:
+            ValueError: the prior has no star tracker.
+        """
+        kf, model, reading = self.filter, self.model, Rotation.from_quat(attitude)
+        if not isinstance(model, AttitudeModel):
+            raise ValueError("update_attitude is for a prior whose sensors have a star_tracker")
+        if model.attitude is None:
+            model.attitude = reading
+            kf.P[model.psi, model.psi] = model.tracker_noise()
+            return 0.0
+        slope = np.zeros((3, model.size))
+        slope[:, model.psi] = np.eye(3)
+        nis = self._update_rate(model.innovation(reading), slope, np.zeros(3), model.tracker_noise())
+        model.take_up(kf.x)
+        return nis
+
     def _condition_rate(self, gyro: np.ndarray) -> float:
-        """The same in errors of the rate; M and its covariance then follow from the rate that was found."""
+        """The same in errors of the rate."""
+        model, a, x = self.model, self._a, self.filter.x.copy()
+        return self._update_rate(
+            gyro, model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.measurement_noise(x)
+        )
+
+    def _update_rate(self, reading: np.ndarray, slope: np.ndarray, value: np.ndarray, noise: np.ndarray) -> float:
+        """Update by a reading, its slope (3, size), expectation and noise; M follows from the rate that it finds."""
         kf, model, a = self.filter, self.model, self._a
         x = kf.x.copy()
-        slope, value, omega = model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.rate(x, a)
-        kf.update(gyro, lambda _: slope, lambda _: value, R=model.measurement_noise(x))
+        omega = model.rate(x, a)
+        kf.update(reading, lambda _: slope, lambda _: value, R=noise)
         to_rate = np.linalg.solve(model.inertia(x), model.spin_errors(x, a, model.reference))
         correction = to_rate @ (kf.x - x)
         model.reference = model.reference + correction
