@@ -4,9 +4,11 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 # a file to a process, so that no two compile the same kernels or make the same fixture; tests/conftest.py has the order
 PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
+# of the library alone: what trains and draws has lower bounds of its own
+LOWEST := $(addprefix tests/test_,algebra.py dynamics.py filters.py golden.py laws.py pilot.py profiles.py telemetry.py vector.py)
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare compare-all test test-slow test-basilisk test-reach coverage mutation lint format train benchmark docs dist clean
+.PHONY: setup compare compare-all test test-slow test-basilisk test-reach test-lowest coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
 
@@ -44,6 +46,12 @@ test-reach:  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and
 	elif grep "No matching distribution" .venv-reach/pip.log; then echo "test-reach skipped: this registry lacks a package"; \
 	else cat .venv-reach/pip.log; exit 1; fi
 
+test-lowest:  ## the library with the oldest versions that pyproject.toml allows, in .venv-lowest (not in CI: they do not change)
+	test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet uv
+	VIRTUAL_ENV=.venv-lowest .venv-lowest/bin/uv pip install --quiet --resolution lowest-direct --editable ".[telemetry]" "pytest>=8" "pytest-xdist>=3.6" "hypothesis>=6.100"
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-lowest/compiled .venv-lowest/bin/python -m pytest --numprocesses auto --dist loadfile $(LOWEST)
+
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)
 	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto --cov
 
@@ -75,4 +83,4 @@ dist: setup  ## wheel and sdist in dist/, built twice with the same bytes, the w
 	$(RUN) -m tests.qa.distribution
 
 clean:
-	rm -rf $(VENV) .venv-basilisk .venv-reach build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-basilisk .venv-reach .venv-lowest build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,6 +1,6 @@
-"""Command: export a policy to ONNX; see `agents.training.onnx_export`."""
+"""Command: export a policy to ONNX; see `agents.training.graph.export`."""
 
-from agents.training.onnx_export import main
+from agents.training.graph.export import main
 from baselines.command import cli
 
 if __name__ == "__main__":

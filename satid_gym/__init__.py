@@ -22,7 +22,7 @@ from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "INERTIA_MODES",

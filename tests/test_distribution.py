@@ -4,6 +4,7 @@ import sys
 
 import pytest
 
+import satid_gym
 from tests.qa.distribution import FLY, ROOT, build, call, contents, install, unpack
 
 pytestmark = pytest.mark.slow  # builds and installs
@@ -28,9 +29,9 @@ def test_the_sdist_builds_the_same_bytes_elsewhere(built, tmp_path):
 def test_wheel_and_sdist_hold_what_they_should_and_can_be_published(built):
     """The wheel the library alone, the sdist what it takes to test."""
     names = contents(built[0])
-    assert {name.split("/")[0] for name in names} == {"satid_gym", "satid_gym-0.1.0.dist-info"}
+    assert {name.split("/")[0] for name in names} == {"satid_gym", f"satid_gym-{satid_gym.__version__}.dist-info"}
     assert "satid_gym/py.typed" in names
-    assert "satid_gym-0.1.0.dist-info/licenses/LICENSE" in names
+    assert f"satid_gym-{satid_gym.__version__}.dist-info/licenses/LICENSE" in names
     assert not [name for name in names if "__pycache__" in name or name.endswith((".nbi", ".nbc"))]
     source = built[2]
     data = ("docs/results/compare.json", *(f"satid_gym/policies/{name}.json" for name in ("tuned", "pretrained/ppo")))
@@ -55,3 +56,9 @@ def test_the_wheel_alone_flies_what_is_shipped(built, tmp_path):
     python = install(built[0], tmp_path / "environment")
     flown = call(python, "-c", FLY, cwd=tmp_path).splitlines()
     assert [line.split(":")[0] for line in flown] == ["generalist", "mpc"]
+
+
+def test_the_citation_names_this_version():
+    """And the release that the changelog begins with."""
+    assert f"\nversion: {satid_gym.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## {satid_gym.__version__} (" in (ROOT / "CHANGELOG.md").read_text()

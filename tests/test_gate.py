@@ -17,6 +17,7 @@ from baselines.scenarios.rate_loops import RateLoopStudy
 from baselines.scenarios.rivals import Quieter, choose
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.gym_api import COSTS
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
@@ -240,7 +241,28 @@ def test_ratios_are_shown(capsys):
     assert last.endswith("best of the eight 2.000, rate_square 4.000, shaped_square not inside")
 
 
-def test_a_tiny_gate_from_end_to_end(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def still(tmp_path):
+    """A saved network that observes the flexible body and commands no rate."""
+    size = world().single_observation_space.shape[0]
+    network = Network((np.zeros((3, size), np.float32),), (np.zeros(3, np.float32),))
+    LearnedPolicy("still", network, "rate", 2.75, observation="body").save(tmp_path / "still")
+    return str(tmp_path / "still")
+
+
+def test_a_learned_policy_that_cannot_fly_here_is_refused_before_any_flight(still):
+    for policies, message in [
+        (["nobody"], "unknown policy"),
+        (["generalist"], "policy generalist takes observations of 70 numbers"),
+        ([f"sine={still}"], "the name 'sine' is taken: give the policy another"),
+        ([still, still], "the name 'still' is taken"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            Gate(policies=tuple(policies)).check()
+    Gate(policies=(still,)).check()
+
+
+def test_a_tiny_gate_from_end_to_end(still, tmp_path, monkeypatch, capsys):
     few = {
         "zero": [({}, ZeroPolicy())],
         "sine": [({"amplitude": a}, ScriptedPolicy("sine", PROFILES["sine"], a)) for a in (0.02, 0.05)],
@@ -249,11 +271,13 @@ def test_a_tiny_gate_from_end_to_end(tmp_path, monkeypatch, capsys):
     }
     monkeypatch.setattr(gates, "rivals", lambda scenario: few)
     monkeypatch.setattr(gates, "search", functools.partial(search, population=2, rounds=1))
-    assert gates.main(Gate(tuned=2, episodes=3, oracle=2, output=tmp_path / "gate.json")) == 0
+    gate = Gate(tuned=2, episodes=3, oracle=2, policies=(f"mine={still}",), output=tmp_path / "gate.json")
+    assert gates.main(gate) == 0
     rows = {own["policy"]: own for own in json.loads((tmp_path / "gate.json").read_text())["rows"]}
-    assert list(rows) == [*few, "oracle"]
-    assert [own["episodes"] for own in rows.values()] == [3, 3, 3, 3, 2]
+    assert list(rows) == [*few, "mine", "oracle"]
+    assert [own["episodes"] for own in rows.values()] == [3, 3, 3, 3, 3, 2]
+    assert rows["mine"]["expected"] == rows["zero"]["expected"], "what it saw of the mode made no difference"
     assert rows["oracle"]["over_oracle"] == 1.0
     assert rows["zero"]["inside"]
     assert rows["zero"]["expected"] > 3.0 * rows["shaped_square"]["expected"]
-    assert "over oracle" in capsys.readouterr().out
+    assert ", mine " in capsys.readouterr().out.splitlines()[-1]

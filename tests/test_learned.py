@@ -8,10 +8,13 @@ import onnx
 import pytest
 import torch
 
-from agents.training.onnx_export import TOLERANCE, export, graph, largest_difference, posed, recorded, session_of
+from agents.training.graph.export import TOLERANCE, export, graph, largest_difference, posed, recorded, session_of
+from agents.training.ppo import PPOSettings
+from agents.training.select import ratios
 from satid_gym import SATELLITES
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import fly, seeds
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.shipped import find, shipped
 from satid_gym.policy import missions
@@ -226,3 +229,15 @@ def test_the_graph_of_any_network_acts_as_it_does(commands, control, choices, py
 
 def test_what_is_shipped():
     assert [policy.name for policy in shipped()] == ["generalist", "ppo"]
+
+
+def test_ratios_over_another_policy_are_by_cell():
+    """A policy over itself is 1 in every cell; one that does nothing errs more, and is never outside."""
+    settings, policy = PPOSettings(satellite="microsat"), find("generalist")
+    nothing = Network((np.zeros((3, 70), np.float32),), (np.zeros(3, np.float32),))
+    still = LearnedPolicy("still", nothing, "rate", 2.75, include_covariance=True)
+    own, other = ratios([policy, still], policy, settings, 8)
+    np.testing.assert_array_equal(own[:, :2], 1.0)
+    assert own.shape == (len(INERTIA_MODES), 3)
+    assert (other[:, :2] > 3.0).all()
+    assert (other[:, 2] == 0.0).all()

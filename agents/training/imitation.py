@@ -21,6 +21,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
+from agents.training.clocks import set_clocks
 from agents.training.run import Run, RunOptions, network_of
 from agents.training.settings import ANEW
 from agents.training.teacher import Answers, TeacherSettings, answers, fly_round, save_round
@@ -30,7 +31,6 @@ from satid_gym.files import read_json, write_json
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.problem import problem
 
-_CLOCKS = (3, 6, 10, 15, 22, 30)  # decisions before the end at which units of the first layer begin to switch
 _HEAVIEST = 10.0  # weight of a decision, over the mean
 _GAIN = 16.0  # from log odds to the command, which is cut to [-1, 1]: all but undecided ones go to the limit
 
@@ -83,7 +83,7 @@ def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Ne
     for width, following in zip(widths, [*widths[1:], 3], strict=True):
         layers += [torch.nn.Linear(width, following), torch.nn.Tanh()]
     model = torch.nn.Sequential(*layers[:-1])
-    _set_clocks(model[0], posed.layout["time_left"].start, posed.scenario.decisions)
+    set_clocks(model[0], posed)
     x, y = torch.from_numpy(observations), torch.from_numpy((advantages > 0.0).astype(np.float32))
     weight = np.abs(advantages)
     weight = torch.from_numpy(np.minimum(weight / weight.mean(), _HEAVIEST))
@@ -101,17 +101,6 @@ def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Ne
     return Network(
         (*network.weights[:-1], _GAIN * network.weights[-1]), (*network.biases[:-1], _GAIN * network.biases[-1])
     )
-
-
-def _set_clocks(layer: torch.nn.Module, clock: int, horizon: int) -> None:
-    """Let the first units of a layer tell the last decisions apart, of which a fraction of the horizon says little."""
-    assert isinstance(layer, torch.nn.Linear)
-    with torch.no_grad():
-        for i, left in enumerate(_CLOCKS[: layer.out_features]):
-            width = 0.35 * left
-            layer.weight[i] = 0.0
-            layer.weight[i, clock] = -horizon / width
-            layer.bias[i] = left / width
 
 
 def policy_of(network: Network, settings: ImitationSettings) -> LearnedPolicy:

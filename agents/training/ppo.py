@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from stable_baselines3 import PPO
 
+from agents.training.clocks import set_clocks
 from agents.training.run import Run, network_of
 from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.settings import RLSettings
@@ -30,7 +31,7 @@ class PPOSettings(RLSettings):
     """At the start."""
     final_learning_rate: float = 5e-5
     """At the end; linear between."""
-    gae_lambda: float = 0.95
+    gae_lambda: float = 0.8
     """Of generalised advantage estimation."""
     clip_range: float = 0.2
     """Of PPO's ratio."""
@@ -40,6 +41,8 @@ class PPOSettings(RLSettings):
     """First logarithm of the exploration's standard deviation."""
     hold: int = 15
     """Decisions for which state-dependent exploration keeps its direction."""
+    clocks: bool = True
+    """Whether actor and critic begin with clocks of the episode's last half minute, see `agents.training.clocks`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,5 +87,8 @@ def train(run: Run) -> PPO:
             seed=s.seed,
             device="cpu",
         )
+        if s.clocks:
+            for net in (model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net):
+                set_clocks(net[0], env.vector_env.problem)
         Training(run, model, env, lambda m: learned_policy(m, s)).learn()
     return model

@@ -7,6 +7,7 @@ satid_gym/policies/pretrained. Test seeds have no part in the choice.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,9 @@ from baselines.command import cli
 from baselines.command.provenance import command
 from satid_gym.config import check_integer, check_number
 from satid_gym.files import read_json
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import PRETRAINED
+from satid_gym.policies.shipped import PRETRAINED, find
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
 
@@ -40,6 +42,8 @@ class SeedSelection:
     """Margin of the rate loop to ship it with, where validation calls for another than that of training."""
     episodes: int = 400
     """Validation episodes on each satellite."""
+    against: str | None = None
+    """Learned policy, by name or path, whose errors in each cell the runs' are set against."""
 
     def policies(self) -> list[LearnedPolicy]:
         """The runs' best policies, each as it would be shipped.
@@ -55,6 +59,21 @@ class SeedSelection:
         for policy in policies:
             policy.margin = policy.margin if self.margin is None else check_number("margin", self.margin)
         return policies
+
+
+def ratios(policies: Sequence[LearnedPolicy], against: LearnedPolicy, settings: Task, episodes: int) -> np.ndarray:
+    """Final and mean error over those of another policy, and the time outside, by policy and cell: (P, cells, 3).
+
+    A cell is a satellite with one of the inertia modes; each has its share of the episodes.
+    """
+    modes = [settings.replace(inertia=mode) for mode in INERTIA_MODES]
+
+    def flown(policy: LearnedPolicy) -> np.ndarray:
+        rows = [row for mode in modes for row in validate(policy, mode, episodes // len(modes))]
+        return np.array([[row[name] for name in _SHOWN] for row in rows])
+
+    reference = flown(against) * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0]
+    return np.array([flown(policy) / reference for policy in tqdm(policies, unit=" runs", disable=None)])
 
 
 def _training(policy: LearnedPolicy) -> Task:
@@ -87,6 +106,7 @@ def main(selection: SeedSelection) -> int:
     """Print the spread and the choice; the exit code."""
     with cli.user_errors():
         policies = selection.policies()
+        other = None if selection.against is None else find(selection.against)
         trained = [_training(policy) for policy in policies]
         origins = [_origin(run) for run in selection.runs]
         satellites = [satellite.name for satellite in trained[0].satellites]
@@ -100,6 +120,12 @@ def main(selection: SeedSelection) -> int:
         print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
     for name, statistic in (("mean", scores.mean(axis=0)), ("std", scores.std(axis=0, ddof=min(1, len(rows) - 1)))):
         print(f"{name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in statistic))
+    if other is not None:
+        found = ratios(policies, other, trained[0], selection.episodes)
+        print(f"over {other.name}, mean and largest of {found.shape[1]} cells: final error, mean error; outside in %")
+        for run, cells in zip(selection.runs, found, strict=True):
+            shown = np.stack([cells.mean(axis=0), cells.max(axis=0)]) * [1.0, 1.0, 100.0]
+            print(f"{run.name:24s}" + "".join(f"   {mean:.3f} {most:.3f}" for mean, most in shown.T))
     best = int(np.argmin([merit(run) for run in rows]))
     print(f"best by final and mean error: {selection.runs[best]}")
     if selection.ship:

@@ -5,6 +5,7 @@ Flies, by body rates, from nothing to an oracle:
 - zero and random;
 - the paper's eight profiles, and square waves of rate, each with its best settings inside all limits;
 - `shaped_square`, which spares the modes, with its best settings inside all limits;
+- learned policies that are named, as they are;
 - an oracle that is told the true modes and searches the settings of each episode by the cross-entropy method.
 
 The oracle searches settings of `shaped_square` alone: what it finds bounds that family of excitations, not all of them.
@@ -36,6 +37,10 @@ from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.gym_api import COSTS
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.shipped import find
+from satid_gym.policy import observation_settings, only_mission
+from satid_gym.problem import problem
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
@@ -61,6 +66,8 @@ class Gate:
     """Episodes that are flown, validation seeds."""
     oracle: int = 32
     """Episodes of these that the oracle flies too; 0: no oracle."""
+    policies: tuple[str, ...] = ()
+    """Learned policies that fly too: names of shipped ones, paths of a policy's files or of a run, or NAME=PATH."""
     output: Path = Path("results/gate.json")
     """File to write."""
 
@@ -68,7 +75,8 @@ class Gate:
         """Check the settings before any work.
 
         Raises:
-            ValueError: a name is unknown, a number is out of range, or there are no modes to tell an oracle.
+            ValueError: a name is unknown or taken, a number is out of range, a policy cannot fly here, or there are no
+            modes to tell an oracle.
         """
         check_names("scenario", [self.scenario], SCENARIOS)
         check_names("satellite", [self.satellite], SATELLITES)
@@ -82,6 +90,18 @@ class Gate:
                 f"scenario {self.scenario!r} has no panels or tank whose modes the oracle could be told: give one that "
                 "has, such as flex, or --oracle 0"
             )
+
+        taken = [*rivals(self.scenario), "oracle"]
+        for policy in self.learned():
+            if policy.name in taken:
+                raise ValueError(f"the name {policy.name!r} is taken: give the policy another, NAME=PATH")
+            taken.append(policy.name)
+            asked = {"control": "rate", **observation_settings(policy)}
+            policy.reset(only_mission(problem(self.satellite, self.inertia, self.scenario, **asked)), [])
+
+    def learned(self) -> list[LearnedPolicy]:
+        """The learned policies that are named."""
+        return [find(policy) for policy in self.policies]
 
     @property
     def cell(self) -> Cell:
@@ -134,7 +154,8 @@ def show(rows: list[dict[str, Any]]) -> None:
     if "oracle" in inside:
         profiles = [inside[name] for name in PROFILES if name in inside]
         eight = min(profiles, key=lambda own: own["expected"], default=None)
-        rungs = {"best of the eight": eight} | {name: inside.get(name) for name in ("rate_square", "shaped_square")}
+        others = [own["policy"] for own in rows if own["policy"] not in (*PROFILES, "zero", "random", "oracle")]
+        rungs = {"best of the eight": eight} | {name: inside.get(name) for name in others}
         found = [f"{name} {_ratio(own) if own else 'not inside'}" for name, own in rungs.items()]
         print("over the oracle, same episodes: " + ", ".join(found))
 
@@ -150,6 +171,8 @@ def main_rows(gate: Gate) -> list[dict[str, Any]]:
     for name, trials in tqdm(rivals(gate.scenario).items(), desc=gate.scenario, unit="policy"):
         settings, policy = choose(gate.cell, trials, gate.cost, gate.tuned)
         entries.append((name, settings, flown(gate.cell, policy, seeds("validation", gate.episodes))))
+    for learned in gate.learned():
+        entries.append((learned.name, {}, flown(gate.cell, learned, seeds("validation", gate.episodes))))
     if gate.oracle:
         oracle = search(gate.cell, seeds("validation", gate.oracle), gate.cost)
         entries.append(("oracle", {}, oracle))
