@@ -162,7 +162,15 @@ class Problem(Config):
         """Places of the observation's parts by name, in order."""
         sheet, p = self.scenario.operate(self.satellites[0]), PARAMETER_COUNT[self.parameters]
         others = self.estimator.other_states(sheet) if self.include_covariance else 0
-        return layout(self.wheels, p, others, self.observation, self.estimator.mode_count(sheet), self.actions)
+        return layout(
+            self.wheels,
+            p,
+            others,
+            self.observation,
+            self.estimator.mode_count(sheet),
+            self.actions,
+            self.estimator.tells_attitude(sheet),
+        )
 
 
 def problem(

@@ -157,6 +157,7 @@ def log_dtype(n: int, p: int) -> np.dtype:
             ("torque", FLOAT, 3),  # external
             ("gyro", FLOAT, 3),
             ("tachometer", FLOAT, n),
+            ("star_tracker", FLOAT, 4),  # not a number where there is no reading
             ("theta", FLOAT, p),
             ("covariance", FLOAT, (p, p)),  # of theta, as the filter believes
         ],

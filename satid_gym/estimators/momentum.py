@@ -48,8 +48,8 @@ class MomentumEKFSettings(EstimatorSettings):
             `satid_gym.core.belief.modes`. Without, it takes the body as rigid.
         rate_coordinates: whether updates are made in errors of the body rate instead of the momentum's, see
             `satid_gym.core.belief.retraction`; where it estimates errors, modes or the attitude they always are.
-            None: where the prior's `agitation` is below the gyro's noise, so that readings of a body that hardly moves pass for
-            information on its inertia.
+            None: where the prior's `agitation` is below the gyro's noise, so that readings of a body that hardly moves
+            pass for information on its inertia.
         gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
             of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
         announced: whether it is told when a deployment or a release is commanded and how long that takes, not what it

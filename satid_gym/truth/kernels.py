@@ -39,7 +39,8 @@ def drive(rows, work, disturbance):
     plant, task = rows.plants[0], rows.tasks[0]
     drive_plant(plant, task, work[0], rows.reports[0])
     half = 0.5 * task.sample_period
-    middle, q = plant.time + half, product(load_quaternion(plant.attitude), turn(axpy(half, load(plant.rate), (0.0, 0.0, 0.0))))
+    middle, turned = plant.time + half, turn(axpy(half, load(plant.rate), (0.0, 0.0, 0.0)))
+    q = product(load_quaternion(plant.attitude), turned)
     store(disturbance, external_torque(plant, orbit_phase(plant, middle), q, inertia_at(plant, middle)))
 
 

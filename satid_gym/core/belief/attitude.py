@@ -14,7 +14,7 @@ After each update q takes up the mean of psi. The attitude begins with a reading
 step or a mass that moves has changed the inertia, for the rate was then wrong for a part of a sample, and where no
 sample came for so long that nobody knows how far the body has turned.
 Source: Lefferts, Markley, Shuster, Kalman filtering for spacecraft attitude estimation (1982); Markley, Attitude error
-representations for Kalman filtering (2003). That the rate is the filter's own, not the gyro's, is this project's design.
+representations for Kalman filtering (2003). The rate being the filter's own, not the gyro's, is this project's design.
 """
 
 from __future__ import annotations
@@ -28,16 +28,10 @@ from satid_gym.core.belief import momentum_model
 from satid_gym.core.belief.kalman import write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
-from satid_gym.core.rotation import (
-    load_quaternion,
-    product,
-    rotation_vector,
-    store_quaternion,
-    to_inertial,
-    turn,
-)
+from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
 
 _KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins anew: the error is no small angle
+_IDENTITY = np.eye(3)
 
 
 @functools.cache
@@ -53,7 +47,6 @@ def attitude_dtype() -> np.dtype:
             ("known", INT),  # 0: it has not begun
             ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
             ("age", FLOAT),  # s since the last reading; as long as the flight before the first
-            ("nis", FLOAT),  # normalised innovation squared of the last reading, per degree of freedom
         ],
         align=True,
     )
@@ -63,7 +56,7 @@ def attitude_dtype() -> np.dtype:
 def start(belief):
     """State before the first reading."""
     state = belief.attitude
-    state.known, state.age, state.nis = 0, 0.0, 0.0
+    state.known, state.age = 0, 0.0
     store_quaternion(state.quaternion, (0.0, 0.0, 0.0, 1.0))
 
 
@@ -108,6 +101,20 @@ def is_known(belief):
     return state.known != 0 and variance < _KNOWN**2
 
 
+@outline
+def std_about(belief, x, y, z):
+    """Standard deviation of the error about an axis of the body frame, rad; 1 where the attitude is not known."""
+    if not is_known(belief):
+        return 1.0
+    first = belief.attitude.first
+    axis = to_inertial(load_quaternion(belief.attitude.quaternion), (x, y, z))
+    variance = 0.0
+    for i in range(3):
+        for j in range(3):
+            variance += axis[i] * belief.covariance[first + i, first + j] * axis[j]
+    return np.sqrt(variance)
+
+
 @inline
 def _turned(state, omega, h):
     """The attitude after h seconds at the rate omega."""
@@ -141,9 +148,6 @@ def _write_rate_rows(belief, work, momentum, omega, J_inv, shares, h):
         for i in range(3):
             for j in range(3):
                 rows[i, c.wheels + 3 * k + j] = -0.5 * h * early * first[i, j] - (middle if i == j else 0.0)
-
-
-_IDENTITY = np.eye(3)
 
 
 @outline

@@ -75,9 +75,11 @@ def condition_wheels(belief, work, tachometer):
 
 @inline
 def condition_attitude(belief, work, reading):
-    """Update the belief with a reading (4,) of the star tracker, which the RateEKF leaves out."""
-    if belief.attitude.on != 0:
-        momentum_update.update_attitude(belief, work, reading)
+    """Update the belief with a reading (4,) of the star tracker; normalised innovation squared per degree of freedom.
+
+    0 where nothing was compared.
+    """
+    return momentum_update.update_attitude(belief, work, reading) / 3.0 if belief.attitude.on != 0 else 0.0
 
 
 @inline

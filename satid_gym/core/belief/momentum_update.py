@@ -100,10 +100,11 @@ def _copy(mean, covariance, to_mean, to_covariance, size):
 
 @outline
 def update_attitude(belief, work, reading):
-    """Update by a reading (4,) of the star tracker.
+    """Update by a reading (4,) of the star tracker; normalised innovation squared (3), 0 where nothing was compared.
 
     Where updates are iterated, while a moment is known to no better than 5 %, the attitude waits to begin.
     """
+    nis = 0.0
     belief.attitude.age = 0.0
     if is_coarse(belief) and (belief.rate_coordinates == 0 or belief.stepped != 0):
         if belief.attitude.known != 0:
@@ -115,10 +116,10 @@ def update_attitude(belief, work, reading):
             adaptation.step(belief)
             attitude.finish(belief, work)
             attitude.forget(belief)
-            return
+            return nis
         nis = _update_once(belief, work, size) if belief.stepped != 0 else _update_rate(belief, work, size)
-        belief.attitude.nis = nis / 3.0
         attitude.finish(belief, work)
         attitude.take_up(belief)
     else:
         attitude.begin(belief, reading)
+    return nis

@@ -12,6 +12,8 @@ from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.tolerances import Tolerances
 
+_KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins anew
+
 
 class AttitudeModel(CalibratedModel):
     """Mean and Jacobians of x = [M, theta, tau, psi, b, G, e], and the attitude that psi is the error of.
@@ -62,12 +64,23 @@ class AttitudeModel(CalibratedModel):
             noise[:3, self.psi], noise[self.psi, :3] = both, both.T
         return noise
 
+    def is_known(self, covariance: np.ndarray) -> bool:
+        """Whether it has begun, and its error is still a small angle."""
+        return self.attitude is not None and bool((np.diag(covariance)[self.psi] < _KNOWN**2).all())
+
+    def begin(self, covariance: np.ndarray, reading: Rotation) -> None:
+        """Take a reading for the attitude, whose error has nothing to do with what was known before."""
+        self.attitude = reading
+        covariance[self.psi], covariance[:, self.psi] = 0.0, 0.0
+        covariance[self.psi, self.psi] = self.tracker_noise()
+
     def tracker_noise(self) -> np.ndarray:
         """N (3, 3) of a reading, inertial frame, rad^2."""
         tracker = self.prior.sensors.star_tracker
         assert tracker is not None
         assert self.attitude is not None
-        along = np.outer(*[self.attitude.apply(tracker.boresight)] * 2)
+        boresight = self.attitude.as_matrix() @ tracker.boresight
+        along = np.outer(boresight, boresight)
         across, about = (max(std, ATTITUDE_STD_MIN) ** 2 for std in (tracker.across_std, tracker.round_std))
         return across * np.eye(3) + (about - across) * along
 

@@ -197,9 +197,8 @@ class FilterpyMomentumEKF(Reference):
         kf, model, reading = self.filter, self.model, Rotation.from_quat(attitude)
         if not isinstance(model, AttitudeModel):
             raise ValueError("update_attitude is for a prior whose sensors have a star_tracker")
-        if model.attitude is None:
-            model.attitude = reading
-            kf.P[model.psi, model.psi] = model.tracker_noise()
+        if not model.is_known(kf.P):
+            model.begin(kf.P, reading)
             return 0.0
         slope = np.zeros((3, model.size))
         slope[:, model.psi] = np.eye(3)
