@@ -84,17 +84,17 @@ class Problem(Config):
                     for s in self.satellites
                 )
             )
-        if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
-            names = ", ".join(s.name for s in self.satellites)
-            raise ValueError(
-                "all satellites of an environment need encoders or none, and readings of an instant or not, for they "
-                f"share a filter: those of {names} differ; give scenario sensors, which replace the satellites'"
-            )
         if len({s.sensors.star_tracker is None for s in sheets}) != 1:
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
                 "all satellites of an environment need a star tracker or none, for they share a filter: those of "
                 f"{names} differ; give scenario sensors, which replace the satellites'"
+            )
+        if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
+            names = ", ".join(s.name for s in self.satellites)
+            raise ValueError(
+                "all satellites of an environment need encoders or none, and readings of an instant or not, for they "
+                f"share a filter: those of {names} differ; give scenario sensors, which replace the satellites'"
             )
         for tracker in (s.sensors.star_tracker for s in sheets if s.sensors.star_tracker is not None):
             tracker.samples(self.scenario.sample_period)

@@ -115,11 +115,11 @@ def test_it_is_blind_as_the_data_sheet_says():
         samples = [fleet.rows.logs[0, 0].copy()]
         shares = []
         for t in range(60):
-            fleet.step(np.array([[0.4, -0.3, 0.2]], np.float32) * (-1.0 if t // 15 % 2 else 1.0))
+            fleet.step(np.array([[0.06, -0.05, 0.04]], np.float32) * (-1.0 if t // 15 % 2 else 1.0))
             samples += list(fleet.rows.logs[0].copy())
             shares.append(float(fleet.rows.reports["tracking"][0]))
         log = np.array(samples)
-        boresight = Rotation.from_quat(log["attitude"]).apply(BLINDED.boresight)
+        boresight = Rotation.from_quat(log["attitude"]).apply(np.array(BLINDED.boresight))
         angle = scenario.orbit_rate * log["time"]
         earth = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
         limb = np.arcsin(EARTH_RADIUS / (EARTH_GRAVITY / scenario.orbit_rate**2) ** (1.0 / 3.0))
@@ -135,18 +135,18 @@ def test_it_is_blind_as_the_data_sheet_says():
         due = np.arange(len(log)) % round(BLINDED.period / scenario.sample_period) == 0
         np.testing.assert_array_equal(np.isfinite(log["star_tracker"]).all(axis=1), tracks & due)
         np.testing.assert_allclose(shares, tracks[1:].reshape(60, -1).mean(axis=1))
-        assert tracks.any() or blind.all()
     assert spent == {"rate", "sun", "earth"}
 
 
 def test_the_sun_is_drawn_only_where_it_blinds():
     """And after everything else, so that the episode is the same with and without."""
-    plain, seeing, blinded = (SatInertiaIDEnv(scenario=world(tracker)) for tracker in (None, TRACKER, BLINDED))
-    for env in (seeing, blinded):
+    plain, seeing, blinded = (SatInertiaIDEnv(scenario=own) for own in ("default", world(), world(BLINDED)))
+    for env in (plain, seeing, blinded):
         env.reset(seed=3)
-    plain.reset(seed=3)
-    for name in ("inertia", "attitude", "gyro_bias", "rate", "wheel_speed", "gyro"):
+    for name in ("inertia", "attitude", "rate", "wheel_speed"):
         np.testing.assert_array_equal(seeing.fleet.rows.plants[name], plain.fleet.rows.plants[name])
+    for name in ("gyro_bias", "gyro"):
+        np.testing.assert_array_equal(seeing.fleet.rows.plants[name], blinded.fleet.rows.plants[name])
     assert np.linalg.norm(blinded.fleet.rows.plants["tracker"]["sun"][0]) == pytest.approx(1.0)
     assert not seeing.fleet.rows.plants["tracker"]["sun"].any()
     sun, force = (blinded.fleet.rows.plants[part][0] for part in ("tracker", "solar_force"))
@@ -236,7 +236,7 @@ def test_the_observation_has_what_is_known_of_the_attitude():
     assert list(env.layout)[-4:] == ["attitude_uncertainty", "attitude_age", "state_uncertainty", "state_correlation"]
     known = set()
     for t in range(40):
-        observation, _, _, _, info = env.step(np.array([0.3, 0.3, 0.3], np.float32) * (-1.0 if t // 20 else 1.0))
+        observation, _, _, _, info = env.step(np.array([0.02, 0.02, 0.02], np.float32) * (-1.0 if t // 20 else 1.0))
         belief = env.fleet.rows.beliefs[0]
         own, first = belief["attitude"], belief["attitude"]["first"]
         std = observed_std(observation[env.layout["attitude_uncertainty"]].astype(float))
@@ -254,25 +254,39 @@ def test_the_observation_has_what_is_known_of_the_attitude():
     assert True in known
 
 
-def test_single_and_vector_environment_and_own_estimator_fly_the_same():
-    one = SatInertiaIDEnv("microsat", "step", world(BLINDED))
-    own = SatInertiaIDEnv("microsat", "step", world(BLINDED), estimator=AdaptiveEKF())
-    many = SatInertiaIDVectorEnv(3, "microsat", "step", world(BLINDED))
-    first, others = one.reset(seed=6)[0], many.reset(seed=5)[0]
-    np.testing.assert_array_equal(first, others[1])
-    np.testing.assert_array_equal(own.reset(seed=6)[0], first)
-    action = np.array([0.1, -0.2, 0.3], np.float32)
+def flights(**settings):
+    """Observations, rewards and shares of tracking of the single environment."""
+    env = SatInertiaIDEnv("microsat", "step", world(BLINDED), **settings)
+    found = [(env.reset(seed=6)[0], 0.0, 0.0)]
     for _ in range(15):
-        single, reward, _, _, info = one.step(action)
-        vector, rewards, _, _, infos = many.step(np.tile(action, (3, 1)))
-        np.testing.assert_array_equal(single, vector[1])
-        np.testing.assert_allclose(own.step(action)[0], single, rtol=1e-6, atol=1e-6)
-        assert (reward, info["tracking"]) == (rewards[1], infos["tracking"][1])
+        observation, reward, _, _, info = env.step(ACTION)
+        found.append((observation, reward, info["tracking"]))
+    return found
+
+
+ACTION = np.array([0.02, -0.01, 0.03], np.float32)
+
+
+def test_single_and_vector_environment_fly_the_same():
+    many = SatInertiaIDVectorEnv(3, "microsat", "step", world(BLINDED))
+    single = flights()
+    np.testing.assert_array_equal(single[0][0], many.reset(seed=5)[0][1])
+    for observation, reward, tracking in single[1:]:
+        vector, rewards, _, _, infos = many.step(np.tile(ACTION, (3, 1)))
+        np.testing.assert_array_equal(observation, vector[1])
+        assert (reward, tracking) == (rewards[1], infos["tracking"][1])
     many.close()
 
 
+@pytest.mark.slow
+def test_an_estimator_of_the_users_own_flies_the_same():
+    for own, core in zip(flights(estimator=AdaptiveEKF()), flights(), strict=True):
+        np.testing.assert_allclose(own[0], core[0], rtol=1e-6, atol=1e-6)
+        assert own[1:] == pytest.approx(core[1:], rel=1e-9)
+
+
 def test_a_pilot_believes_what_the_environment_does():
-    settings = {"inertia": "static", "scenario": world(BLINDED)}
+    settings = {"inertia": "static", "scenario": world(TRACKER.replace(rate_limit=0.05, reacquire=0.2))}
     policy = make_baseline("rate_square", "microsat")
     fleet = Fleet(problem("microsat", **settings), 1, log=True)
     fleet.rows.plants["stream"][0] = np.random.default_rng(1).integers(1, 2**64, 4, dtype=np.uint64)

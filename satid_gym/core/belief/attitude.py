@@ -23,7 +23,7 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy, load, multiply, store, subtract
+from satid_gym.core.algebra import axpy, load, multiply, store, store_symmetric, subtract
 from satid_gym.core.belief import momentum_model
 from satid_gym.core.belief.kalman import write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
@@ -31,7 +31,6 @@ from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
 
 _KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins anew: the error is no small angle
-_IDENTITY = np.eye(3)
 
 
 @functools.cache
@@ -129,7 +128,8 @@ def _write_rate_rows(belief, work, momentum, omega, J_inv, shares, h):
     `predict`.
     """
     p, c, rows, first = belief.prior_theta.shape[0], belief.calibration, work.attitude, work.jacobian[2]
-    write_times_regressor(_IDENTITY, omega, work.regressor)
+    store_symmetric(first, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    write_times_regressor(first, omega, work.regressor)
     for i in range(3):
         for j in range(rows.shape[1]):
             rows[i, j] = 0.0

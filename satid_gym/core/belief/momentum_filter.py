@@ -65,7 +65,7 @@ def predict(belief, work, tachometer, dt):
         if belief.alignment.noise_taps == 0:
             mode_prediction.add_tachometer_noise(belief, momentum, noise, dt)
         mode_prediction.add_curvature(belief, dt)
-    turns = belief.attitude.known != 0
+    turns = belief.attitude.on != 0 and belief.attitude.known != 0
     offset = attitude.reference(belief, J_inv, before) if turns else before
     for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
@@ -87,7 +87,8 @@ def predict(belief, work, tachometer, dt):
             momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
             if turns:
                 attitude.add_tachometer_noise(belief, work, middle, noise, h * dt)
-    belief.attitude.age += dt
+    if belief.attitude.on != 0:
+        belief.attitude.age += dt
     if belief.gate.threshold > 0.0:
         gating.inflate_momentum(belief, J_inv, dt)
     store(belief.wheel_input, after)
@@ -143,7 +144,7 @@ def condition(belief, work, gyro):
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
     nis = momentum_update.update_gyro(belief, work, gyro)
-    if belief.attitude.known != 0:
+    if belief.attitude.on != 0:
         attitude.take_up(belief)
     if belief.modes.coupling.shape[0] > 0:
         modes.refresh(belief)

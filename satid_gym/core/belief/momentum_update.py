@@ -17,7 +17,7 @@ def update_gyro(belief, work, gyro):
     support = momentum_model.support(belief)
     if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work, support):
         adaptation.step(belief)
-        if belief.attitude.known != 0:
+        if belief.attitude.on != 0:
             attitude.forget(belief)
         if alignment.is_mixed(belief):
             return 0.0
@@ -107,8 +107,7 @@ def update_attitude(belief, work, reading):
     nis = 0.0
     belief.attitude.age = 0.0
     if is_coarse(belief) and (belief.rate_coordinates == 0 or belief.stepped != 0):
-        if belief.attitude.known != 0:
-            attitude.forget(belief)
+        attitude.forget(belief)
     elif attitude.is_known(belief):
         attitude.linearise(belief, work, reading)
         size = belief.mean.shape[0]
