@@ -1,7 +1,6 @@
 """Tables of docs/, written from the code and from committed results: `python -m agents.docs.tables`.
 
-Names and values come from the objects, meanings from their docstrings, scores from docs/results/compare.json and
-faults.csv.
+Names and values come from the objects, meanings from their docstrings, scores from docs/results.
 """
 
 from __future__ import annotations
@@ -31,6 +30,7 @@ from agents.docs.world_tables import basilisk, gates, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
+from satid_gym import Sensors, StarTracker, Tolerances
 from satid_gym.appendages import Appendages
 from satid_gym.config import Config
 from satid_gym.estimators import MomentumEKFSettings
@@ -42,9 +42,6 @@ from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
-from satid_gym.sensors import Sensors
-from satid_gym.star_tracker import StarTracker
-from satid_gym.tolerances import Tolerances
 
 SOURCE = "agents.docs.tables"
 
@@ -185,9 +182,8 @@ def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
 
 def consistency(write: Callable[[Mapping[str, Any]], str], study: str = "consistency") -> str:
     """A table of the filter's consistency, from a committed study."""
-    keys = ("cells", "settings", "revision")
     remedy = f"run python -m baselines.studies.consistency --output docs/results/{study}.json"
-    return write(read_json(RESULTS / f"{study}.json", remedy, keys=keys))
+    return write(read_json(RESULTS / f"{study}.json", remedy, keys=("cells", "settings", "revision")))
 
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
