@@ -18,6 +18,7 @@ from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.sensors import Sensors
 from satid_gym.simulation import Trajectory, simulate
+from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
 
@@ -45,6 +46,7 @@ __all__ = [
     "Scenario",
     "Sensors",
     "SloshMass",
+    "StarTracker",
     "Tank",
     "Tolerances",
     "Trajectory",

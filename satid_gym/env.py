@@ -34,8 +34,8 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ## Description
     The truth is a body with n >= 3 reaction wheels under torque and speed limits, external torque and noise, and with
     panels and slosh masses where the satellite has them; its inertia is static, steps, drifts, oscillates, or changes
-    as a mass is moved, used up or released. An extended Kalman filter estimates the inertia
-    from gyro and wheel speeds. The agent chooses wheel torque so that the filter learns as much as possible
+    as a mass is moved, used up or released. An extended Kalman filter estimates the inertia from gyro, wheel speeds and
+    a star tracker where there is one. The agent chooses wheel torque so that the filter learns as much as possible
     while the body rates stay within the operating envelope. One decision a second, sensors and filter at
     10 Hz, 300 s.
 
@@ -110,6 +110,17 @@ the axis of d, rings to 1, a reversal to 2 |
     | damping | 1 | log10(zeta) + 2; -10 where it is 0 |
     | damping_std | 1 | log10(filter's std of log zeta) + 2; -10 where it is 0 |
 
+    ## Attitude in the observation
+    Where there is a star tracker, both forms have these after the parts above, before those of `include_covariance`,
+    whose scale of an attitude error is 1 rad.
+
+    | name | size | meaning |
+    |---|---|---|
+    | attitude_uncertainty | 3 | log10(filter's std of the attitude error about each body axis, rad) + 2; 2 where \
+the attitude is not known |
+    | attitude_age | 1 | time since the tracker's last reading / decision period, or since the start before the first; \
+at most 10 |
+
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
     - envelope_weight excess - saturation_weight saturated - deflection_weight bent - effort_weight effort
@@ -159,6 +170,7 @@ limit; "deflection": share of the samples with a panel or a slosh mass beyond it
     | cost | the largest of them (as in Safety-Gymnasium) |
     | effort | mean square of the torque over its limit |
     | in_avoided_band | share of the decision's samples with a wheel's speed in the band that operators avoid |
+    | tracking | share of the decision's samples at which the star tracker sees its stars; 0 without one |
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque less friction, N m |
     | constrained_updates | filter updates shortened so far to keep the estimate positive definite |

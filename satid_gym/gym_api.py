@@ -32,6 +32,7 @@ INFO_KEYS = (
     "cost",
     "effort",
     "in_avoided_band",
+    "tracking",
     "saturated",
     "torque_applied",
     "constrained_updates",
@@ -153,6 +154,7 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> EpisodeTemplates
     for other in others:
         same_kinds = other.tolerances.kinds == sheet.tolerances.kinds
         same_kinds = same_kinds and other.sensors.are_timed == sheet.sensors.are_timed
+        same_kinds = same_kinds and (other.sensors.star_tracker is None) == (sheet.sensors.star_tracker is None)
         if not same_kinds or p.estimator.other_states(other) != p.estimator.other_states(sheet):
             raise ValueError(
                 "the satellite for this episode must have tolerances of the same kinds and sensors like the "

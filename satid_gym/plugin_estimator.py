@@ -90,9 +90,17 @@ class PluginFilter:
         estimator: the user's.
         fleet: of the environment.
         sample: what moves the truth on by a sample and reads the sensors; None: the core.
+
+    Raises:
+        ValueError: the estimator is a reference filter, and there is a star tracker.
     """
 
     def __init__(self, estimator: Estimator, fleet: Fleet, sample: Callable[[], None] | None = None) -> None:
+        if fleet.templates.records.beliefs["attitude"]["on"].any() and not isinstance(estimator, CompiledEKF):
+            raise ValueError(
+                f"{type(estimator).__name__} takes a star tracker outside of an environment alone: use AdaptiveEKF or "
+                "MomentumEKF, or sensors without star_tracker"
+            )
         self.estimator, self._fleet, self._sample = estimator, fleet, sample
 
     def start(self, prior: FilterPrior) -> None:
@@ -104,6 +112,7 @@ class PluginFilter:
         rows = self._fleet.rows
         plant = rows.plants[0]
         self.estimator.reset(prior, plant["gyro"].copy(), plant["tachometer"].copy())
+        self._update_attitude()
         self._take_belief()
         kernels.look(rows, self._fleet.work)
 
@@ -143,11 +152,18 @@ class PluginFilter:
 
     def _update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Give the estimator what is not flagged of a reading; its normalised innovation squared, 0 without any."""
+        nis = 0.0
         if not self._fleet.rows.plants[0]["gyro_flagged"]:
-            return self.estimator.update(gyro, wheel_speed)
-        if hasattr(self.estimator, "update_wheels"):
-            return float(self.estimator.update_wheels(wheel_speed))
-        return 0.0
+            nis = self.estimator.update(gyro, wheel_speed)
+        elif hasattr(self.estimator, "update_wheels"):
+            nis = float(self.estimator.update_wheels(wheel_speed))
+        self._update_attitude()
+        return nis
+
+    def _update_attitude(self) -> None:
+        tracker = self._fleet.rows.plants[0]["tracker"]
+        if tracker["fresh"] and hasattr(self.estimator, "update_attitude"):
+            self.estimator.update_attitude(tracker["reading"].copy())
 
     def _take_belief(self) -> None:
         """Copy the estimator's state into the core's belief."""
@@ -166,7 +182,7 @@ class PluginFilter:
         belief["coasting"] = plant["gyro_flagged"] or not accepted
         belief["speed"], belief["stuck"] = speed, speed != plant["tachometer"]
         if isinstance(self.estimator, CompiledEKF):
-            for name in ("wheel_input", "alignment", "modes"):  # what the rate follows from beside the mean
+            for name in ("wheel_input", "alignment", "modes", "attitude"):  # what the rate follows from beside the mean
                 belief[name] = self.estimator.record[name]
             for name in ("whiteness", "adaptation"):  # what info tells of the filter
                 belief[name] = self.estimator.record[name]

@@ -84,12 +84,21 @@ class Problem(Config):
                     for s in self.satellites
                 )
             )
+        if len({s.sensors.star_tracker is None for s in sheets}) != 1:
+            names = ", ".join(s.name for s in self.satellites)
+            raise ValueError(
+                "all satellites of an environment need a star tracker or none, for they share a filter: those of "
+                f"{names} differ; give scenario sensors, which replace the satellites'"
+            )
         if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
                 "all satellites of an environment need encoders or none, and readings of an instant or not, for they "
                 f"share a filter: those of {names} differ; give scenario sensors, which replace the satellites'"
             )
+        for tracker in (s.sensors.star_tracker for s in sheets if s.sensors.star_tracker is not None):
+            tracker.samples(self.scenario.sample_period)
+            tracker.check_sky(self.scenario.orbit_rate)
         for satellite in self.satellites:
             check_sampling(satellite.name, satellite.modes, satellite.inertia, self.scenario.sample_period)
         missed = self._products()
@@ -153,7 +162,15 @@ class Problem(Config):
         """Places of the observation's parts by name, in order."""
         sheet, p = self.scenario.operate(self.satellites[0]), PARAMETER_COUNT[self.parameters]
         others = self.estimator.other_states(sheet) if self.include_covariance else 0
-        return layout(self.wheels, p, others, self.observation, self.estimator.mode_count(sheet), self.actions)
+        return layout(
+            self.wheels,
+            p,
+            others,
+            self.observation,
+            self.estimator.mode_count(sheet),
+            self.actions,
+            self.estimator.tells_attitude(sheet),
+        )
 
 
 def problem(

@@ -1,4 +1,4 @@
-"""Sensors of a data sheet: what a gyro's and a tachometer's reading stands for, and when it arrives."""
+"""Sensors of a data sheet: what a gyro's and a tachometer's reading stands for, when it arrives, and a star tracker."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 from satid_gym.config import Config, check_integer, check_number
 from satid_gym.core.sampling import DELAY_MAX, DELAY_SIGMAS, LINE
+from satid_gym.star_tracker import StarTracker, star_tracker_of
 from satid_gym.tolerances import Tolerances
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sensors(Config):
-    """Gyro and tachometers; by default each reading is the value of the instant at which it is given.
+    """Gyro, tachometers and star tracker; by default there is no tracker, and each reading is the value of the instant
+    at which it is given.
 
     Attributes:
         gyro_integrates: whether a reading is the rate's mean over the sample period, as of a rate-integrating gyro,
@@ -23,10 +25,12 @@ class Sensors(Config):
         encoder_pulses: pulses a revolution of the wheel that are counted over the sample period; with them
             tachometer_noise_std has no meaning. None: the tachometers read the wheel's speed.
         tachometer_delay: how late a reading is, in sample periods.
+        star_tracker: reads the attitude, a `StarTracker` or a mapping with its settings; None: there is none. With one,
+            gyro and tachometers read at one instant.
 
     Raises:
         ValueError: a delay is not within 0 and 4 periods, a quantum is negative or that of a gyro that does not
-            integrate, or there are less than one pulse.
+            integrate, there are less than one pulse, or a star tracker flies with readings that are not of an instant.
     """
 
     gyro_integrates: bool = False
@@ -35,6 +39,7 @@ class Sensors(Config):
     gyro_range: float | None = None
     encoder_pulses: int | None = None
     tachometer_delay: float = 0.0
+    star_tracker: StarTracker | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,6 +55,13 @@ class Sensors(Config):
             check_number("gyro_range", self.gyro_range, strict=True)
         if self.encoder_pulses is not None:
             check_integer("encoder_pulses", self.encoder_pulses)
+        if self.star_tracker is not None:
+            object.__setattr__(self, "star_tracker", star_tracker_of(self.star_tracker))
+            if self.are_timed:
+                raise ValueError(
+                    "a star tracker flies with gyro and tachometers that are read at one instant: leave out "
+                    "star_tracker, or gyro_integrates, encoder_pulses and delays"
+                )
 
     @property
     def counts(self) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from satid_gym.core.records import Criterion, InertiaMode, ObservationForm, Templates, concatenate
 from satid_gym.core.task import task_dtype
 from satid_gym.core.truth.records import draw_dtype
+from satid_gym.core.truth.star_tracker import SEES_ALL
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.inertia import products_of_inertia
 from satid_gym.estimators.prior import counting_std
@@ -26,6 +27,7 @@ from satid_gym.rigid_body import inertia_tensor
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
+from satid_gym.star_tracker import StarTracker, earth_angle
 
 _SETTLED = 4.5  # samples without a larger change, after which the rate loop learns from what a motor does
 _GAIN_STD, _FRICTION_STD = 0.16, 0.05  # what it believes at first of gain, and of friction over the torque limit
@@ -72,6 +74,8 @@ def _template(p: Problem, mission: Mission, inertia: np.ndarray | None, room: in
     plant["gyro_noise_std"], plant["gyro_bias_walk"] = operating.gyro_noise_std, scenario.gyro_bias_walk
     plant["tachometer_noise_std"] = operating.tachometer_noise_std
     _write_sampling(plant["sampling"], operating.sensors, scenario.sample_period)
+    if operating.sensors.star_tracker is not None:
+        _write_tracker(plant["tracker"], operating.sensors.star_tracker, scenario)
     plant["gyro_outlier"] = scenario.faults.gyro_outlier
     plant["gyro_outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
     beliefs = new_belief(mission.prior, mission.estimator)
@@ -88,6 +92,16 @@ def _write_sampling(row: np.void, sensors: Sensors, period: float) -> None:
     row["pulse"] = 2.0 * np.pi / sensors.encoder_pulses if sensors.encoder_pulses is not None else 0.0
     for name in ("gyro_integrates", "gyro_delay", "gyro_quantum", "tachometer_delay"):
         row[name] = getattr(sensors, name)
+
+
+def _write_tracker(row: np.void, tracker: StarTracker, scenario: Scenario) -> None:
+    row["on"], row["every"] = 1, tracker.samples(scenario.sample_period)
+    for name in ("boresight", "across_std", "round_std", "reacquire"):
+        row[name] = getattr(tracker, name)
+    row["rate_limit"] = np.inf if tracker.rate_limit is None else tracker.rate_limit
+    row["sun_cosine"] = SEES_ALL if tracker.sun_exclusion is None else np.cos(tracker.sun_exclusion)
+    blinded = tracker.earth_exclusion
+    row["earth_cosine"] = SEES_ALL if blinded is None else np.cos(earth_angle(scenario.orbit_rate) + blinded)
 
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from satid_gym import (
     SatInertiaIDEnv,
     Scenario,
     Sensors,
+    StarTracker,
     Tolerances,
     simulate,
 )
@@ -35,6 +36,7 @@ from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
 from satid_gym.scenario import prior_of
+from satid_gym.star_tracker import earth_angle
 from satid_gym.truth import Episode
 from satid_gym.truth.kernels import draw
 from tests.flexible import BOOM, PANELS, TANK
@@ -256,6 +258,90 @@ def test_readings_are_those_of_basilisks_sensors():
     assert 1e-9 < np.abs(np.array(angles) - bent).max() < coning
 
 
+class Watched(BasiliskTruth):
+    """Basilisk with its star tracker, without noise, and the angles between a boresight, the Sun and the Earth."""
+
+    def __init__(self, boresight, sun, orbit_rate):
+        super().__init__()
+        self.boresight, self.sun, self.orbit_rate = boresight, sun, orbit_rate
+
+    def observe(self, process) -> None:
+        from Basilisk.architecture import messaging
+        from Basilisk.simulation import boreAngCalc, starTracker
+        from Basilisk.utilities import macros
+
+        process.addTask(self.sim.CreateNewTask("sensors", macros.sec2nano(PERIOD)))
+        self.tracker, self.to_sun, self.to_earth = starTracker.StarTracker(), *(boreAngCalc.BoreAngCalc() for _ in "se")
+        self.planet = messaging.SpicePlanetStateMsgPayload()
+        self.message = messaging.SpicePlanetStateMsg()
+        self._move_earth(0.0)
+        self.to_sun.inertialHeadingVec_N = self.sun[:, None].tolist()
+        self.to_earth.celBodyInMsg.subscribeTo(self.message)
+        for model in (self.to_sun, self.to_earth):
+            model.boreVec_B = self.boresight[:, None].tolist()
+        for model in (self.tracker, self.to_sun, self.to_earth):
+            model.scStateInMsg.subscribeTo(self.body.scStateOutMsg)
+            self.sim.AddModelToTask("sensors", model)
+
+    def _move_earth(self, time) -> None:
+        angle = self.orbit_rate * time
+        self.planet.PositionVector = [7e6 * np.cos(angle), 7e6 * np.sin(angle), 0.0]  # the satellite is at the origin
+        self.message.write(self.planet)
+
+    def advance(self, torque, disturbance, duration):
+        self._move_earth(self.time + duration)
+        return super().advance(torque, disturbance, duration)
+
+    def seen(self) -> tuple[Rotation, float, float]:
+        """Reading of the star tracker, body to inertial, and angles of Sun and Earth from the boresight, rad."""
+        w, x, y, z = self.tracker.sensorOutMsg.read().qInrtl2Case
+        angles = (model.angOutMsg.read().missAngle for model in (self.to_sun, self.to_earth))
+        return Rotation.from_quat([x, y, z, w]), *angles
+
+
+def test_a_star_tracker_reads_as_basilisks():
+    """Without noise, sample by sample: the attitude, and whether Sun or Earth are too near by boreAngCalc's angles."""
+    sheet = StarTracker(
+        boresight=[0.6, 0.0, 0.8],
+        across_std=0.0,
+        round_std=0.0,
+        period=PERIOD,
+        reacquire=0.0,
+        sun_exclusion=0.9,
+        earth_exclusion=0.2,
+    )
+    quiet = Scenario(
+        sensors=Sensors(star_tracker=sheet),
+        torque_noise=0.0,
+        disturbance_scale=0.0,
+        solar_pressure=0.0,
+        gravity_gradient=False,
+    )
+    fleet = Fleet(problem("microsat", "static", quiet), 1)
+    fleet.rows.plants["stream"][0] = 1, 2, 3, 4
+    draw(fleet.rows, fleet.templates.records)
+    plant, generator = fleet.rows.plants[0], np.random.default_rng(0)
+    wheels = SATELLITES["microsat"].wheels.replace(axes=plant["axes"], inertia=plant["wheel_inertia"])
+    theirs = Watched(sheet.boresight, plant["tracker"]["sun"].copy(), quiet.orbit_rate)
+    start = {name: plant[name].copy() for name in ("rate", "wheel_speed", "attitude")}
+    theirs.start(Episode(satellite=Satellite("body", plant["inertia"], wheels), sample_period=PERIOD, **start))
+    limb = earth_angle(quiet.orbit_rate)
+    seen = []
+    for k in range(1200):
+        if k % 60 == 0:
+            fleet.work["torque"][0] = torque = generator.uniform(-0.1, 0.1, 3)
+        kernels.sample(fleet.rows, fleet.work)
+        theirs.advance(torque, np.zeros(3), PERIOD)
+        attitude, to_sun, to_earth = theirs.seen()
+        bright, dark = to_sun < sheet.sun_exclusion, to_earth < limb + sheet.earth_exclusion
+        assert plant["tracker"]["tracks"] == (not bright and not dark)
+        seen.append((bright, dark))
+        if not bright and not dark:
+            off = attitude.inv() * Rotation.from_quat(plant["tracker"]["reading"])
+            assert off.magnitude() < 1e-8
+    assert {(False, False), (True, False), (False, True)} <= set(seen)
+
+
 def flight(
     seed: int,
     tolerances: Tolerances,
@@ -440,11 +526,13 @@ def test_rates_are_kept_on_basilisks_truth(case):
     assert 0.2 < nees < 2.5
 
 
-def test_an_episode_on_basilisks_truth_is_that_on_the_environments_own():
+@pytest.mark.parametrize("world", [{}, {"sensors": {"star_tracker": {}}, "tolerances": {"gyro_bias": 1e-4}}])
+def test_an_episode_on_basilisks_truth_is_that_on_the_environments_own(world):
     """60 s with noise, disturbance and gravity gradient, at random torque: all that info tells."""
     flown = []
     for truth in (None, BasiliskTruth()):
-        env, generator = SatInertiaIDEnv("microsat", "static", truth=truth), np.random.default_rng(0)
+        env = SatInertiaIDEnv("microsat", "static", world, truth=truth)
+        generator = np.random.default_rng(0)
         env.reset(seed=0)
         infos = [env.step(generator.uniform(-0.2, 0.2, 3))[4] for _ in range(60)]
         flown.append(np.array([[info["relative_error"], info["nees"], info["outside"]] for info in infos]))

@@ -34,6 +34,7 @@ LONGER = {  # files of more than 250 lines, and why
     "satid_gym/vector.py": "likewise, and reset and step in every mode of autoreset",
     "agents/benchmark/acceptance.py": "claim by claim, each with its measure and its text",
     "agents/benchmark/entrants.py": "names, files and modules, with a message for each way to be wrong",
+    "satid_gym/onboard/pilot.py": "the one class that a control loop calls",
     "baselines/tuning/amplitudes.py": "search, files and tables of one command",
 }
 

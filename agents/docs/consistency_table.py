@@ -1,4 +1,4 @@
-"""Tables of the filter's consistency for the pages, from docs/results/consistency.json."""
+"""Tables of the filter's consistency for the pages, from consistency.json and star_tracker.json of docs/results."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def _errors(cells: Sequence[Cell]) -> str:
     return f"{min(errors):.2g} to {max(errors):.2g}"
 
 
-def _by_world(results: Mapping[str, Any], topic: str) -> dict[str, list[Cell]]:
-    """Cells by world, of those of a topic."""
+def _by_world(results: Mapping[str, Any], *topics: str) -> dict[str, list[Cell]]:
+    """Cells by world, of those of some topics."""
     cells: Sequence[Cell] = results["cells"]
-    names = [w for w in dict.fromkeys(cell["world"] for cell in cells) if WORLDS[w].topic == topic]
+    names = [w for w in dict.fromkeys(cell["world"] for cell in cells) if WORLDS[w].topic in topics]
     return {name: [cell for cell in cells if cell["world"] == name] for name in names}
 
 
@@ -62,10 +62,20 @@ def _flown(results: Mapping[str, Any], worlds: Mapping[str, Sequence[Cell]]) -> 
 
 def consistency_table(results: Mapping[str, Any], topic: str = "calibration") -> str:
     """Final error of the first group and NEES of each, over satellites and inertia modes, world by world."""
-    worlds, rows = _by_world(results, topic), []
+    return _spans(results, _by_world(results, topic))
+
+
+def tracker_table(results: Mapping[str, Any]) -> str:
+    """The same of the study with and without star tracker."""
+    return _spans(results, _by_world(results, "calibration", "tracker"))
+
+
+def _spans(results: Mapping[str, Any], worlds: Mapping[str, Sequence[Cell]]) -> str:
+    rows = []
     for world, own in worlds.items():
         groups = [[cell for cell in own if cell["policy"] in policies] for policies in _GROUPS]
-        rows.append([world, _errors(groups[0]), *(_span([cell["nees"] for cell in cells]) for cells in groups)])
+        spans = (_span([cell["nees"] for cell in cells]) if cells else "-" for cells in groups)
+        rows.append([world, _errors(groups[0]), *spans])
     head = ["world", "rate_square: error, %", *_heads(worlds)]
     return table(head, rows, text_columns=1) + _flown(results, worlds)
 

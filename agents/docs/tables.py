@@ -1,7 +1,6 @@
 """Tables of docs/, written from the code and from committed results: `python -m agents.docs.tables`.
 
-Names and values come from the objects, meanings from their docstrings, scores from docs/results/compare.json and
-faults.csv.
+Names and values come from the objects, meanings from their docstrings, scores from docs/results.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import docstring_parser
 import numpy as np
 
 from agents.docs import faults_table
-from agents.docs.consistency_table import consistency_table, timing_table
+from agents.docs.consistency_table import consistency_table, timing_table, tracker_table
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
 from agents.docs.results_tables import (
@@ -31,6 +30,7 @@ from agents.docs.world_tables import basilisk, gates, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
+from satid_gym import Sensors, StarTracker, Tolerances
 from satid_gym.appendages import Appendages
 from satid_gym.config import Config
 from satid_gym.estimators import MomentumEKFSettings
@@ -42,8 +42,6 @@ from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
-from satid_gym.sensors import Sensors
-from satid_gym.tolerances import Tolerances
 
 SOURCE = "agents.docs.tables"
 
@@ -182,11 +180,10 @@ def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
     return lambda: write(read_json(RESULTS / "compare.json", REMEDY, keys=keys))
 
 
-def consistency(write: Callable[[Mapping[str, Any]], str]) -> str:
-    """A table of the filter's consistency, from the committed study."""
-    keys = ("cells", "settings", "revision")
-    remedy = "run python -m baselines.studies.consistency --output docs/results/consistency.json"
-    return write(read_json(RESULTS / "consistency.json", remedy, keys=keys))
+def consistency(write: Callable[[Mapping[str, Any]], str], study: str = "consistency") -> str:
+    """A table of the filter's consistency, from a committed study."""
+    remedy = f"run python -m baselines.studies.consistency --output docs/results/{study}.json"
+    return write(read_json(RESULTS / f"{study}.json", remedy, keys=("cells", "settings", "revision")))
 
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
@@ -205,6 +202,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "observation": lambda: section_table("Observation space"),
         "body observation": lambda: section_table("Observation in the body frame"),
         "observed modes": lambda: section_table("Modes in the observation"),
+        "observed attitude": lambda: section_table("Attitude in the observation"),
         "reward": lambda: settings(RewardSettings),
         "reward ranks": compared(correlation_sentence),
         "info": lambda: section_table("Information"),
@@ -219,6 +217,10 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "flexible.md": {"flexible": lambda: consistency(functools.partial(consistency_table, topic="flexible"))},
     "sensors.md": {"sensors": lambda: settings(Sensors), "timing": lambda: consistency(timing_table)},
+    "startracker.md": {
+        "star tracker": lambda: settings(StarTracker),
+        "consistency": lambda: consistency(tracker_table, "star_tracker"),
+    },
     "unmodelled.md": {"unmodelled": unmodelled},
     "rates.md": {"rate loops": rate_loops},
     "truth.md": {"basilisk": basilisk},

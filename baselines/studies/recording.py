@@ -36,6 +36,7 @@ class Recording:
         dt: s between two instants.
         attitude: (N, T, 4) quaternion, body to inertial, scalar last.
         gyro, tachometer: (N, T, 3) and (N, T, n) readings, rad/s.
+        star_tracker: (N, T, 4) readings, as `attitude`; not a number where there is none.
         theta: (N, T, p) estimate, kg m^2.
         covariance: (N, T, p, p) of it, as the filter believed.
         outside: (N,) share of the time outside the rate limit.
@@ -47,6 +48,7 @@ class Recording:
     attitude: np.ndarray
     gyro: np.ndarray
     tachometer: np.ndarray
+    star_tracker: np.ndarray
     theta: np.ndarray
     covariance: np.ndarray
     outside: np.ndarray
@@ -105,7 +107,7 @@ def record(
         dt=world.sample_period,
         outside=outside / world.decisions,
         constrained_updates=int(rows.beliefs["constrained_updates"].sum()),
-        **{name: series[name] for name in ("attitude", "gyro", "tachometer", "theta", "covariance")},
+        **{name: series[name] for name in ("attitude", "gyro", "tachometer", "star_tracker", "theta", "covariance")},
     )
 
 

@@ -1,4 +1,4 @@
-"""Worlds of the study of consistency: sensors and wheels, friction, sampling, sizes, horizons, panels and slosh."""
+"""Worlds of the study of consistency: sensors and wheels, friction, sampling, sizes, horizons, modes, star trackers."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from satid_gym.policy import Policy
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
+from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 
 _MODE_STD = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}  # of panels and slosh masses
@@ -35,7 +36,7 @@ class World:
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
     satellites: tuple[Satellite, ...] = ()
-    topic: Literal["calibration", "timing", "flexible"] = "calibration"
+    topic: Literal["calibration", "timing", "flexible", "tracker"] = "calibration"
 
 
 def _satellite(name: str, moments: float, wheels: tuple[float, float, float], **sheet: float) -> Satellite:
@@ -105,6 +106,19 @@ def _off(**tolerances: float) -> World:
     return World(scenario={"tolerances": Tolerances(**tolerances)})
 
 
+def _tracked(tracker: StarTracker, satellites: tuple[Satellite, ...] = (), **tolerances: float) -> World:
+    scenario = {"sensors": Sensors(star_tracker=tracker), "tolerances": Tolerances(**tolerances)}
+    return World(scenario=scenario, satellites=satellites, topic="tracker")
+
+
+_ARCSEC, _DEGREE = np.pi / 648000.0, np.pi / 180.0
+_GOOD = StarTracker(across_std=2.0 * _ARCSEC, round_std=20.0 * _ARCSEC, period=0.5)
+_COARSE = StarTracker(across_std=10.0 * _ARCSEC, round_std=60.0 * _ARCSEC, period=0.5)
+_LIMITED = _GOOD.replace(rate_limit=_DEGREE)
+_BLINDED = _LIMITED.replace(sun_exclusion=30.0 * _DEGREE, earth_exclusion=10.0 * _DEGREE)
+_SLOW = tuple(SATELLITES[name].replace(rate_limit=0.5 * _DEGREE) for name in BENCHMARK_SATELLITES)
+
+
 WORLDS: Mapping[str, World] = {
     "as nominal": World(),
     "gyro bias 2e-5 rad/s": _off(gyro_bias=2e-5),
@@ -149,6 +163,16 @@ WORLDS: Mapping[str, World] = {
     "panels 10 %, 1 Hz": _flexible(_with_panels, 0.1, 1.0),
     "panels 25 %, 0.35 Hz": _flexible(_with_panels, 0.25, 0.35),
     "slosh 3 %, 0.05 Hz": _flexible(_with_slosh, 0.03, 0.05),
+    "tracker, bias 2e-5 rad/s": _tracked(_GOOD, gyro_bias=2e-5),
+    "tracker, bias 1e-4 rad/s": _tracked(_GOOD, gyro_bias=1e-4),
+    "tracker, bias 1e-3 rad/s": _tracked(_GOOD, gyro_bias=1e-3),
+    "tracker 10/10/60 arcsec, bias 1e-4 rad/s": _tracked(_COARSE, gyro_bias=1e-4),
+    "tracker to 1 deg/s, bias 1e-4 rad/s": _tracked(_LIMITED, gyro_bias=1e-4),
+    "tracker to 1 deg/s with Sun and Earth, bias 1e-4 rad/s": _tracked(_BLINDED, gyro_bias=1e-4),
+    "tracker to 1 deg/s, flown to 0.5 deg/s, bias 1e-4 rad/s": _tracked(_LIMITED, _SLOW, gyro_bias=1e-4),
+    "tracker, scale 0.1 %": _tracked(_GOOD, gyro_scale=1e-3),
+    "tracker to 1 deg/s, scale 0.1 %": _tracked(_LIMITED, gyro_scale=1e-3),
+    "tracker to 1 deg/s, flown to 0.5 deg/s, scale 0.1 %": _tracked(_LIMITED, _SLOW, gyro_scale=1e-3),
 }
 """Worlds that are flown, by name."""
 

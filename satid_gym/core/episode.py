@@ -41,7 +41,7 @@ def command(plant, task, work, report, action):
     for k in range(work.torque.shape[0]):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
-    report.outside = report.in_avoided_band = report.bent = report.peak_bend = 0.0
+    report.outside = report.in_avoided_band = report.tracking = report.bent = report.peak_bend = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):
@@ -69,13 +69,17 @@ def announce(plant, belief, task):
 
 @inline
 def take_reading(plant, belief, work):
-    """Update the belief with those of the present readings that are not flagged; normalised innovation squared."""
+    """Update the belief with those of the present readings that are not flagged; NIS of gyro and tachometers."""
     if plant.gyro_flagged != 0:
         belief.coasting = 1
-        return filters.condition_wheels(belief, work, plant.tachometer)
-    if belief.gate.threshold == 0.0:
-        belief.coasting = 0
-    return filters.condition(belief, work, plant.gyro, plant.tachometer)
+        nis = filters.condition_wheels(belief, work, plant.tachometer)
+    else:
+        if belief.gate.threshold == 0.0:
+            belief.coasting = 0
+        nis = filters.condition(belief, work, plant.gyro, plant.tachometer)
+    if plant.tracker.fresh != 0:
+        filters.condition_attitude(belief, work, plant.tracker.reading)
+    return nis
 
 
 @outline
@@ -89,6 +93,7 @@ def conclude(plant, belief, task, work, report, observation):
         report.torque_applied[k] = min(max(mean, -limit), limit)  # what exceeds it is rounding
     report.outside /= task.samples
     report.in_avoided_band /= task.samples
+    report.tracking /= task.samples
     note_costs(task, report)
     report.information_held = -uncertainty_nats(belief, work, task.criterion)
     report.reward = reward(task, report)
@@ -155,6 +160,8 @@ def start(rows, i, work):
     """Let the filter take the first readings of the episode drawn in row i."""
     plant, belief, task, report = rows.plants[i], rows.beliefs[i], rows.tasks[i], rows.reports[i]
     filters.start(belief, work, plant.gyro, plant.tachometer)
+    if plant.tracker.fresh != 0:
+        filters.condition_attitude(belief, work, plant.tracker.reading)
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = 0
         report.torque_applied[k] = 0.0
@@ -166,6 +173,7 @@ def start(rows, i, work):
     report.terminated = report.truncated = 0
     report.nis = report.information_gain = report.information_held = report.effort = 0.0
     report.outside = report.in_avoided_band = report.cost = 0.0
+    report.tracking = plant.tracker.tracks
     for c in range(report.costs.shape[0]):
         report.costs[c] = 0.0
     if rows.logs.shape[1] > 0:

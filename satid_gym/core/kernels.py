@@ -85,6 +85,12 @@ def condition_filter_wheels(beliefs, work, tachometer):
 
 
 @kernel
+def condition_filter_attitude(beliefs, work, attitude):
+    """Update the belief with a star tracker's reading (4,); normalised innovation squared per degree of freedom."""
+    return filters.condition_attitude(beliefs[0], work[0], attitude)
+
+
+@kernel
 def run_filter(beliefs, work, gyro, tachometer, dt, mean, covariance, nis):
     """Filter readings gyro (N, 3) and tachometer (N, n), the first of which starts the belief."""
     belief, scratch = beliefs[0], work[0]

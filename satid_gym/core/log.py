@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from satid_gym.core.algebra import store, store_symmetric
 from satid_gym.core.belief.kalman import theta_covariance
 from satid_gym.core.jit import outline
@@ -20,6 +22,8 @@ def log_sample(log, plant, belief):
         plant.wheel_speed,
     )
     log.attitude[:], log.gyro[:], log.tachometer[:] = plant.attitude, plant.gyro, plant.tachometer
+    for i in range(4):
+        log.star_tracker[i] = plant.tracker.reading[i] if plant.tracker.fresh != 0 else np.nan
     inertia = inertia_at(plant, plant.time)
     store_symmetric(log.inertia, inertia)
     store(log.torque, external_torque(plant, orbit_phase(plant, plant.time), load_state(plant)[1], inertia))

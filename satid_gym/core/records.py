@@ -120,6 +120,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("costs", FLOAT, len(Cost)),
             ("effort", FLOAT),
             ("in_avoided_band", FLOAT),  # share of the samples with a wheel's speed in it
+            ("tracking", FLOAT),  # share of the samples at which the star tracker saw its stars
             ("saturated", np.int8, n),  # 1: at its speed limit in the decision
             ("torque_applied", FLOAT, n),
             ("constrained_updates", INT),
@@ -156,6 +157,7 @@ def log_dtype(n: int, p: int) -> np.dtype:
             ("torque", FLOAT, 3),  # external
             ("gyro", FLOAT, 3),
             ("tachometer", FLOAT, n),
+            ("star_tracker", FLOAT, 4),  # not a number where there is no reading
             ("theta", FLOAT, p),
             ("covariance", FLOAT, (p, p)),  # of theta, as the filter believes
         ],

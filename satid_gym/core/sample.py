@@ -42,6 +42,7 @@ def measure(plant, task, report):
         report.outside += 1.0
     if is_in_avoided_band(plant):
         report.in_avoided_band += 1.0
+    report.tracking += plant.tracker.tracks
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])
     bent = 0.0

@@ -3,8 +3,9 @@
 from satid_gym.estimators import least_squares
 from satid_gym.estimators.compiled import FilterRun
 from satid_gym.estimators.filterpy.adaptive import FilterpyAdaptiveEKF
-from satid_gym.estimators.filterpy.momentum import FilterpyMomentumEKF, FilterpyMomentumUKF
+from satid_gym.estimators.filterpy.momentum import FilterpyMomentumEKF
 from satid_gym.estimators.filterpy.rate import FilterpyRateEKF
+from satid_gym.estimators.filterpy.unscented import FilterpyMomentumUKF
 from satid_gym.estimators.momentum import AdaptiveEKF, MomentumEKF, MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.estimators.protocol import Estimator

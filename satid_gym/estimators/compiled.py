@@ -129,6 +129,21 @@ class CompiledEKF:
         """Update with the tachometers alone, where the gyro's reading is not valid; returns what `update` does."""
         return float(kernels.condition_filter_wheels(self.records, self.work, self._speed(wheel_speed)))
 
+    def update_attitude(self, attitude: np.ndarray) -> float:
+        """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
+
+        NIS is 0 where the attitude begins with this reading.
+
+        Raises:
+            ValueError: the prior has no star tracker, or the reading is not finite or of length 0.
+        """
+        reading = real_array("attitude", attitude, (4,))
+        if not reading.any():
+            raise ValueError("attitude must be a quaternion, body to inertial, scalar last, got 0 0 0 0")
+        if not self.record["attitude"]["on"]:
+            raise ValueError("there is no star tracker: give reset a prior whose sensors have a star_tracker")
+        return float(kernels.condition_filter_attitude(self.records, self.work, reading))
+
     @property
     def accepted(self) -> tuple[bool, np.ndarray] | None:
         """Whether the gyro's last reading was accepted, and the wheel speeds (n,) that it uses; None without a gate."""

@@ -12,6 +12,7 @@ from satid_gym.config import check_integer, check_number
 from satid_gym.core.belief.filters import FilterKind
 from satid_gym.core.belief.modes import STATES
 from satid_gym.estimators.alignment import DataSheet, noise_taps, write_alignment
+from satid_gym.estimators.attitude import write_attitude
 from satid_gym.estimators.calibration import write_calibration
 from satid_gym.estimators.compiled import CompiledEKF
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
@@ -46,9 +47,9 @@ class MomentumEKFSettings(EstimatorSettings):
         flexible: whether it estimates the modes that the data sheet's panels and slosh masses give, see
             `satid_gym.core.belief.modes`. Without, it takes the body as rigid.
         rate_coordinates: whether updates are made in errors of the body rate instead of the momentum's, see
-            `satid_gym.core.belief.retraction`; where it estimates errors or modes they always are. None: where the
-            prior's `agitation` is below the gyro's noise, so that readings of a body that hardly moves pass for
-            information on its inertia.
+            `satid_gym.core.belief.retraction`; where it estimates errors, modes or the attitude they always are.
+            None: where the prior's `agitation` is below the gyro's noise, so that readings of a body that hardly moves
+            pass for information on its inertia.
         gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
             of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
         announced: whether it is told when a deployment or a release is commanded and how long that takes, not what it
@@ -135,14 +136,20 @@ class MomentumEKFSettings(EstimatorSettings):
         return len(sheet.modes) if self.flexible else 0
 
     def other_states(self, sheet: DataSheet) -> int:
-        """Momentum, disturbance torque, modes, and errors of sensors and wheels."""
-        return 6 + STATES * self.mode_count(sheet) + self.calibration_states(sheet)
+        """Momentum, disturbance torque, modes, attitude error, and errors of sensors and wheels."""
+        attitude = 3 if self.tells_attitude(sheet) else 0
+        return 6 + STATES * self.mode_count(sheet) + attitude + self.calibration_states(sheet)
+
+    def tells_attitude(self, sheet: DataSheet) -> bool:
+        """Whether there is a star tracker."""
+        return sheet.sensors.star_tracker is not None
 
     def write(self, row: np.void, prior: FilterPrior, parameters: Parameters) -> None:
         """Write prior and tuning to a belief record.
 
         Raises:
-            ValueError: a gate with sensors whose readings are not of one instant.
+            ValueError: a gate with sensors whose readings are not of one instant, or a star tracker with a gate or
+                modes.
         """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
         row["gyro_std"], row["tachometer_std"] = prior.reading_std, prior.tachometer_noise_std
@@ -167,11 +174,21 @@ class MomentumEKFSettings(EstimatorSettings):
         modes = self.mode_count(prior)
         if modes > 0:
             write_modes(row["modes"], prior, first=6 + p)
+        first = 6 + p + STATES * modes
+        if prior.sensors.star_tracker is not None:
+            if modes > 0 or self.gate > 0.0:
+                raise ValueError(
+                    "a MomentumEKF with a star tracker has neither gate nor modes: use gate=0 and a rigid body (or "
+                    "flexible=False), or sensors without star_tracker"
+                )
+            write_attitude(row["attitude"], prior.sensors.star_tracker, first)
+            first += 3
         if self.calibration_states(prior) > 0:
-            write_calibration(row, prior, 6 + p + STATES * modes, self.calibrate)
+            write_calibration(row, prior, first, self.calibrate)
         write_alignment(row, prior)
         row["is_told"], row["whiteness"]["inflate"] = self.announced, self.inflate
-        row["rate_coordinates"] = row["calibration"]["states"] > 0 or modes > 0 or self.updates_rate(prior)
+        known = row["calibration"]["states"] > 0 or modes > 0 or row["attitude"]["on"]
+        row["rate_coordinates"] = known or self.updates_rate(prior)
 
 
 class MomentumEKF(CompiledEKF):

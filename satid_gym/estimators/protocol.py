@@ -22,7 +22,8 @@ class Estimator(Protocol):
     Further states may follow. Where it has a method `command(torque)` as well, it is told the motor torque (n,),
     N m, that is commanded, before each reading. A reading that the gyro flags as invalid is not given to `update`;
     that of the tachometers then goes to the method `update_wheels(wheel_speed)`, where there is one, which returns
-    what `update` does.
+    what `update` does. Each reading of a star tracker goes to the method `update_attitude(attitude)`, where there is
+    one, after the gyro's of the same instant: a quaternion (4,), body to inertial, scalar last.
 
     The observation shows the readings as they are unless the estimator has a property `accepted`, and that is not None:
     (whether the gyro's last reading was accepted, wheel speeds (n,) that it uses). Without an accepted reading of the

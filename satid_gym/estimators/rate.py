@@ -63,8 +63,10 @@ class RateEKFSettings(EstimatorSettings):
         """Write tuning to a belief record.
 
         Raises:
-            ValueError: the sensors' readings are not of one instant.
+            ValueError: the sensors' readings are not of one instant, or there is a star tracker.
         """
+        if prior.sensors.star_tracker is not None:
+            raise ValueError("the RateEKF takes no star tracker: use AdaptiveEKF, or sensors without star_tracker")
         if prior.sensors.are_timed:
             raise ValueError(
                 "the RateEKF takes gyro and tachometers as read at one instant: use AdaptiveEKF, or sensors that "

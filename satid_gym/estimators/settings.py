@@ -38,6 +38,10 @@ class EstimatorSettings(Config, abc.ABC):
         """How many modes of the body it estimates for such a data sheet."""
         return 0
 
+    def tells_attitude(self, sheet: DataSheet) -> bool:
+        """Whether it estimates the attitude for such a data sheet."""
+        return False
+
     @abc.abstractmethod
     def other_states(self, sheet: DataSheet) -> int:
         """Number of the filter's states that are no inertia parameters, for such a data sheet."""

@@ -59,6 +59,8 @@ class MomentumSmoother:
                 "MomentumSmoother takes gyro and tachometers as read at one instant: give a prior with sensors that "
                 "neither integrate nor count, without delay"
             )
+        if prior.sensors.star_tracker is not None:
+            raise ValueError("MomentumSmoother takes no star tracker: give a prior whose sensors have none")
         if self.settings.calibrate and any(prior.tolerances.kinds):
             raise ValueError(
                 "MomentumSmoother smooths no errors of sensors and wheels: give a prior without tolerances, or use "

@@ -11,7 +11,7 @@ import numpy as np
 
 from satid_gym.core import episode
 from satid_gym.core.algebra import axpy, dot, inverse, load, multiply
-from satid_gym.core.belief import filters
+from satid_gym.core.belief import attitude, filters
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control.motors import forget_last
 from satid_gym.core.control.rate_tracking import track
@@ -26,14 +26,18 @@ _MOMENTUM = int(filters.FilterKind.MOMENTUM)
 
 @functools.cache
 def readings_dtype(n: int) -> np.dtype:
-    """Readings of one instant, rad/s, in the fields that the truth's record has for them."""
-    return np.dtype([("gyro", FLOAT, 3), ("tachometer", FLOAT, n), ("gyro_flagged", INT)], align=True)
+    """Readings of one instant, rad/s and a quaternion, in the fields that the truth's record has for them."""
+    tracker = np.dtype([("fresh", INT), ("reading", FLOAT, 4)], align=True)
+    readings = [("gyro", FLOAT, 3), ("tachometer", FLOAT, n), ("gyro_flagged", INT), ("tracker", tracker)]
+    return np.dtype(readings, align=True)
 
 
 @kernel
 def begin(readings, beliefs, tasks, work, observations):
     """Belief and observation after the first readings."""
     filters.start(beliefs[0], work[0], readings[0].gyro, readings[0].tachometer)
+    if readings[0].tracker.fresh != 0:
+        filters.condition_attitude(beliefs[0], work[0], readings[0].tracker.reading)
     observe(beliefs[0], tasks[0], readings[0].gyro, readings[0].tachometer, observations[0])
 
 
@@ -56,12 +60,14 @@ def _widen(belief, torque_max, gap):
     Within the motors' limits u the body turns by up to J^-1 A u T^2 / 4 from where a line leads: at full torque for
     half the gap and back. Taken as uniform within that, the turn moves the momentum across itself. The RateEKF has no
     momentum, and keeps its covariance. Readings from before the gap that are aligned with later ones count as mixed
-    until they have left the means.
+    until they have left the means. The attitude begins anew with the star tracker's next reading.
     """
     if belief.alignment.on != 0:
         belief.alignment.mixed = belief.alignment.span + 1
     if belief.kind != _MOMENTUM:
         return
+    if belief.attitude.on != 0:
+        attitude.forget(belief)
     J_inv, turn = inverse(estimated_inertia(belief)), (0.0, 0.0, 0.0)
     for k in range(torque_max.shape[0]):
         x, y, z = multiply(J_inv, wheel_axis(belief.axes, k))

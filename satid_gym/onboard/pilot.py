@@ -13,7 +13,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
-from satid_gym.onboard.readings import gyro_reading, wheel_reading
+from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.problem import problem
@@ -26,9 +26,9 @@ _SAME = 1e-6  # of the sample period, within which two intervals are the same
 class Pilot:
     """Flies a policy on readings that come from anywhere: another simulator, a test bench, a satellite.
 
-    Give it every reading of gyro and wheel speeds; it answers with the motor torque to command, new once a decision
-    period, under control "rate" with every reading. On the same readings it commands and believes what the environment
-    does.
+    Give it every reading of gyro, wheel speeds and star tracker; it answers with the motor torque to command, new once
+    a decision period, under control "rate" with every reading. On the same readings it commands and believes what the
+    environment does.
 
     A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel
     speeds it waits for the next ones and crosses the gap with speeds between the two, and a rate is not followed
@@ -92,25 +92,27 @@ class Pilot:
             raise RuntimeError("there is no estimate yet: call start(time, gyro, wheel_speed) first")
         return estimate_of(self._beliefs[0], self._time, self._nis)
 
-    def start(self, time: float, gyro: object, wheel_speed: object) -> np.ndarray:
+    def start(self, time: float, gyro: object, wheel_speed: object, attitude: object = None) -> np.ndarray:
         """Begin a flight, or begin again.
 
         Args:
             time: s, of any clock.
             gyro: (3,) rad/s, body frame.
             wheel_speed: (n,) relative to the body, rad/s.
+            attitude: (4,) of the star tracker, a quaternion from body to inertial, scalar last; None: no new one.
 
         Returns:
             (n,) motor torque on the wheels to command, N m; the body feels the opposite.
 
         Raises:
-            ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit).
+            ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit), or an attitude
+                is given and the satellite has no star tracker.
         """
         time = check_number("time", time, low=-np.inf)
-        readings = gyro_reading(gyro, self.mission.satellite), wheel_reading(wheel_speed, self.mission.satellite)
-        if any(reading.value is None for reading in readings):
-            raise ValueError("; ".join(reading.message for reading in readings if reading.message))
-        (rate, *_), (speed, *_) = readings
+        readings = self._judge(gyro, wheel_speed, attitude)
+        if any(reading.value is None for reading in readings[:2]) or readings[2].absence == "refused":
+            raise ValueError("; ".join(reading.message for reading in readings if reading.absence))
+        (rate, *_), (speed, *_), (turned, *_) = readings
         self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
         self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
         self._begun = self._time = self._seen = self._heard = self._steered = time
@@ -118,27 +120,31 @@ class Pilot:
         self.policy.reset(self.mission, [self.seed])
         reading = self._readings[0]
         reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
+        reading["tracker"] = turned is not None, np.nan if turned is None else turned
         kernels.begin(self._readings, self._beliefs, self._tasks, self._work, self._observation)
         self._decide(1)
         self._steer(True)
         return self._torque.copy()
 
-    def step(self, time: float, gyro: object = None, wheel_speed: object = None) -> np.ndarray:
+    def step(self, time: float, gyro: object = None, wheel_speed: object = None, attitude: object = None) -> np.ndarray:
         """Take in the readings of one instant; arguments and result are those of `start`, None is a missing reading.
+
+        An attitude needs wheel speeds beside it, without which it is left out.
 
         Raises:
             RuntimeError: `start` was not called.
-            ValueError: the time is not finite, or a reading has another shape.
+            ValueError: the time is not finite, a reading has another shape, or an attitude is given and the satellite
+                has no star tracker.
         """
         if self.status.state == "waiting":
             raise RuntimeError("the pilot has not started: call start(time, gyro, wheel_speed) first")
         time = check_number("time", time, low=-np.inf)
         self.status.message = ""
-        readings = gyro_reading(gyro, self.mission.satellite), wheel_reading(wheel_speed, self.mission.satellite)
+        readings = self._judge(gyro, wheel_speed, attitude)
         for reading in readings:
-            if reading.value is None:
+            if reading.absence:
                 self._count(reading.absence, reading.message)
-        (rate, *_), (speed, *_) = readings
+        (rate, *_), (speed, *_), (turned, *_) = readings
         world = self.problem.scenario
         period = world.sample_period
         if time < self._seen + _SAME * period:
@@ -152,7 +158,7 @@ class Pilot:
         due = self._due(time)
         if speed is not None and (time - self._time) / period < world.decisions * world.samples + 1:
             self._tasks["decision"] = min(self._decided + max(due, 1) - 1, world.decisions)
-            self._update(time, rate, speed)
+            self._update(time, rate, speed, turned)
         self._look_after(time)
         if due and self.status.state != "over":
             if speed is None:
@@ -161,6 +167,11 @@ class Pilot:
                 self._decide(due)
         self._steer(speed is not None)
         return self._torque.copy()
+
+    def _judge(self, *given: object) -> list[Reading]:
+        """Readings of gyro, wheel speeds and star tracker; of the last it is no fault that there is none."""
+        judges = gyro_reading, wheel_reading, attitude_reading
+        return [judge(value, self.mission.satellite) for judge, value in zip(judges, given, strict=True)]
 
     def _count(self, kind: str, message: str) -> None:
         self.status.counts[kind] += 1
@@ -175,10 +186,11 @@ class Pilot:
         elapsed = (time - self._begun + 0.5 * world.sample_period) / world.decision_period
         return int(min(elapsed, world.decisions)) + 1 - self._decided
 
-    def _update(self, time: float, rate: np.ndarray | None, speed: np.ndarray) -> None:
+    def _update(self, time: float, rate: np.ndarray | None, speed: np.ndarray, attitude: np.ndarray | None) -> None:
         """Give the filter what is there; across a gap it takes as many steps as samples are missing."""
         reading, period = self._readings[0], self.problem.scenario.sample_period
         reading["tachometer"], reading["gyro_flagged"] = speed, rate is None
+        reading["tracker"] = attitude is not None, np.nan if attitude is None else attitude
         if rate is not None:
             reading["gyro"], self._heard = rate, time
         dt = time - self._time

@@ -9,6 +9,7 @@ import numpy as np
 from satid_gym.satellite import Satellite
 
 SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading of more than so many limits is a wrong unit or a fault
+_LENGTH_SLACK = 1e-3  # of a quaternion
 
 
 class Reading(NamedTuple):
@@ -37,6 +38,25 @@ def wheel_reading(value: object, satellite: Satellite) -> Reading:
     """
     limit = satellite.wheels.max_speed
     return _reading("wheel speed", value, SPEED_MAX * limit, f"rad/s where the limit is {limit.max():g}", "in rpm")
+
+
+def attitude_reading(value: object, satellite: Satellite) -> Reading:
+    """Reading of the star tracker, (4,) of length 1, body to inertial, scalar last; that there is none is no absence.
+
+    Raises:
+        ValueError: it has another shape, or the satellite has no star tracker.
+    """
+    if value is not None and satellite.sensors.star_tracker is None:
+        raise ValueError(
+            f"{satellite.name} has no star tracker to read an attitude: leave it out, or give sensors with star_tracker"
+        )
+    reading = _reading("attitude", value, np.full(4, 1.0 + _LENGTH_SLACK), "in a quaternion of length 1", "in degrees")
+    if reading.absence == "missing":
+        return Reading(None)
+    if reading.value is not None and abs(np.linalg.norm(reading.value) - 1.0) > _LENGTH_SLACK:
+        length = np.linalg.norm(reading.value)
+        return Reading(None, "refused", f"attitude is no quaternion of length 1, but of {length:.4g}")
+    return reading
 
 
 def _reading(name: str, value: object, limit: np.ndarray, compared: str, unit: str) -> Reading:

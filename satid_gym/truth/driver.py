@@ -93,7 +93,7 @@ class TruthDriver:
         state = self._taken("advance", answer)
         self._check_readings(state)
         if state.attitude is None:
-            kernels.turn(rows.plants, before, period)
+            kernels.turn_on(rows.plants, before, period)
         kernels.measure(rows)
         self._replace_readings(state)
         rows.tasks["over"] = 0

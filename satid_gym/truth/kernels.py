@@ -5,11 +5,10 @@ They work on row 0. The plant's record holds what the truth said last.
 
 from __future__ import annotations
 
-import numpy as np
-
 from satid_gym.core import episode
-from satid_gym.core.algebra import add, load, multiply, store
+from satid_gym.core.algebra import add, axpy, load, multiply, store
 from satid_gym.core.jit import inline, kernel
+from satid_gym.core.rotation import load_quaternion, product, store_quaternion, turn
 from satid_gym.core.sample import drive as drive_plant
 from satid_gym.core.sample import measure as measure_plant
 from satid_gym.core.sample import sample_end
@@ -31,20 +30,6 @@ def start(rows, work):
     episode.start(rows, 0, work[0])
 
 
-@inline
-def turned(q, x, y, z):
-    """Attitude q after the body has turned by a small rotation vector (x, y, z), rad, in its own frame."""
-    angle = np.sqrt(x * x + y * y + z * z)
-    c, s = np.cos(0.5 * angle), 0.5 * np.sinc(0.5 * angle / np.pi)
-    x, y, z = s * x, s * y, s * z
-    return (
-        c * q[0] + q[3] * x + q[1] * z - q[2] * y,
-        c * q[1] + q[3] * y + q[2] * x - q[0] * z,
-        c * q[2] + q[3] * z + q[0] * y - q[1] * x,
-        c * q[3] - q[0] * x - q[1] * y - q[2] * z,
-    )
-
-
 @kernel
 def drive(rows, work, disturbance):
     """Motor torque until the next sample, to the plant; to `disturbance` (3,) the torque from outside, in its middle.
@@ -53,20 +38,18 @@ def drive(rows, work, disturbance):
     """
     plant, task = rows.plants[0], rows.tasks[0]
     drive_plant(plant, task, work[0], rows.reports[0])
-    half, (x, y, z) = 0.5 * task.sample_period, load(plant.rate)
-    middle, q = plant.time + half, turned(plant.attitude, half * x, half * y, half * z)
+    half = 0.5 * task.sample_period
+    middle, turned = plant.time + half, turn(axpy(half, load(plant.rate), (0.0, 0.0, 0.0)))
+    q = product(load_quaternion(plant.attitude), turned)
     store(disturbance, external_torque(plant, orbit_phase(plant, middle), q, inertia_at(plant, middle)))
 
 
 @kernel
-def turn(plants, before, dt):
+def turn_on(plants, before, dt):
     """Attitude after a sample in which the rate went from `before` (3,) to the plant's."""
     plant = plants[0]
-    x, y, z = add(load(before), load(plant.rate))
-    half = 0.5 * dt
-    q = turned(plant.attitude, half * x, half * y, half * z)
-    for i in range(4):
-        plant.attitude[i] = q[i]
+    angle = axpy(0.5 * dt, add(load(before), load(plant.rate)), (0.0, 0.0, 0.0))
+    store_quaternion(plant.attitude, product(load_quaternion(plant.attitude), turn(angle)))
 
 
 @inline

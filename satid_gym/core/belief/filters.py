@@ -14,6 +14,7 @@ from satid_gym.core.belief import (
     modes,
     momentum_filter,
     momentum_start,
+    momentum_update,
     rate_filter,
     whiteness,
 )
@@ -73,6 +74,15 @@ def condition_wheels(belief, work, tachometer):
 
 
 @inline
+def condition_attitude(belief, work, reading):
+    """Update the belief with a reading (4,) of the star tracker; normalised innovation squared per degree of freedom.
+
+    0 where nothing was compared.
+    """
+    return momentum_update.update_attitude(belief, work, reading) / 3.0 if belief.attitude.on != 0 else 0.0
+
+
+@inline
 def rate(belief):
     """Estimated omega, rad/s."""
     return momentum_filter.rate(belief) if belief.kind == _MOMENTUM else rate_filter.rate(belief)
@@ -114,6 +124,8 @@ def state_scale(belief, task, i):
     if belief.kind == _MOMENTUM:
         if i < 3:
             return belief.theta_scale[i] * task.rate_limit
+        if belief.attitude.on != 0 and belief.attitude.first <= i < belief.attitude.first + 3:
+            return 1.0
         if i < 6 + p or task.observation != _BODY:
             return belief.prior_torque_std
         error = i - (belief.mean.shape[0] - belief.calibration.states)

@@ -27,26 +27,17 @@ from satid_gym.core.belief import (
     adaptation,
     alignment,
     announcement,
+    attitude,
     calibration,
     gating,
     mode_prediction,
     modes,
     momentum_model,
-    retraction,
-    whiteness,
+    momentum_update,
 )
-from satid_gym.core.belief.kalman import (
-    estimated_inertia,
-    is_known_to,
-    propagate,
-    update,
-)
+from satid_gym.core.belief.kalman import estimated_inertia, propagate
 from satid_gym.core.belief.momentum_start import start_momentum
 from satid_gym.core.jit import inline, outline
-
-_ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
-_ITERATIONS = 4
-_STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia counts as learned
 
 
 @outline
@@ -74,6 +65,8 @@ def predict(belief, work, tachometer, dt):
         if belief.alignment.noise_taps == 0:
             mode_prediction.add_tachometer_noise(belief, momentum, noise, dt)
         mode_prediction.add_curvature(belief, dt)
+    turns = belief.attitude.on != 0 and belief.attitude.known != 0
+    offset = attitude.reference(belief, J_inv, before) if turns else before
     for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
         a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
@@ -86,15 +79,23 @@ def predict(belief, work, tachometer, dt):
         store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
         momentum_model.write_transition(work, p, h)
         shares = step * per_step, (step + 0.5) * per_step
+        if turns:
+            attitude.predict(belief, work, momentum, (omega, add(omega, offset)), J_inv, shares, h)
         calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
         propagate(belief, work, h)
         if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
             momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
+            if turns:
+                attitude.add_tachometer_noise(belief, work, middle, noise, h * dt)
+    if belief.attitude.on != 0:
+        belief.attitude.age += dt
     if belief.gate.threshold > 0.0:
         gating.inflate_momentum(belief, J_inv, dt)
     store(belief.wheel_input, after)
     if belief.announced > 0.0:
         announcement.raise_covariance(belief, work)
+        if turns:
+            attitude.forget(belief)
 
 
 @inline
@@ -142,85 +143,11 @@ def condition(belief, work, gyro):
             adaptation.count_step(belief.adaptation)
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
-    nis = _update(belief, work, gyro)
+    nis = momentum_update.update_gyro(belief, work, gyro)
+    if belief.attitude.on != 0:
+        attitude.take_up(belief)
     if belief.modes.coupling.shape[0] > 0:
         modes.refresh(belief)
     if gated:
         gating.follow_unmeasured_wheels(belief, before)
     return nis
-
-
-@outline
-def _update(belief, work, gyro):
-    """Update by the reading, which is linearised about the mean in work."""
-    support = momentum_model.support(belief)
-    if belief.adaptation.on != 0 and not _is_coarse(belief) and adaptation.has_stepped(belief, work, support):
-        adaptation.step(belief)
-        if alignment.is_mixed(belief):
-            return 0.0
-    if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
-        belief.stepped = 0
-    if belief.rate_coordinates != 0 and belief.stepped == 0:
-        return _update_rate(belief, work, support)
-    if not _is_coarse(belief):
-        if belief.adaptation.on != 0:
-            adaptation.keep(belief, work)
-        nis = update(belief, work, 3, support)
-        if belief.adaptation.on != 0:
-            adaptation.learn(belief, work)
-        whiteness.note(belief, work)
-        return nis
-    if belief.adaptation.on != 0:
-        adaptation.forget(belief.adaptation)
-    size, prior_mean, prior = belief.mean.shape[0], work.prior_mean, work.prior_covariance
-    _copy(belief.mean, belief.covariance, prior_mean, prior, size)
-    nis, constrained_updates = 0.0, belief.constrained_updates
-    for iteration in range(_ITERATIONS):
-        if iteration > 0:
-            modes.refresh(belief)
-            momentum_model.linearise(belief, work, gyro)
-        for r in range(3):
-            for k in range(support):
-                work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
-        _copy(prior_mean, prior, belief.mean, belief.covariance, size)
-        nis = update(belief, work, 3, support)
-    belief.constrained_updates = min(belief.constrained_updates, constrained_updates + 1)
-    if whiteness.is_inflated(belief):
-        whiteness.note(belief, work)
-    return nis
-
-
-@inline
-def _update_rate(belief, work, support):
-    """The same in errors of the rate, in which one linearisation will do.
-
-    Not after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
-    """
-    coarse, adapts = _is_coarse(belief), belief.adaptation.on != 0
-    if adapts and coarse:
-        adaptation.forget(belief.adaptation)
-        adapts = False
-    if adapts:
-        adaptation.keep(belief, work)
-    retraction.begin(belief, work)
-    nis = update(belief, work, 3, support)
-    if adapts:
-        adaptation.learn(belief, work)
-    retraction.finish(belief, work)
-    if not coarse or whiteness.is_inflated(belief):
-        whiteness.note(belief, work)
-    return nis
-
-
-@inline
-def _is_coarse(belief):
-    """Whether a moment is known to no better than 5 %."""
-    return not is_known_to(belief, _ITERATE_ABOVE)
-
-
-@inline
-def _copy(mean, covariance, to_mean, to_covariance, size):
-    for i in range(size):
-        to_mean[i] = mean[i]
-        for j in range(size):
-            to_covariance[i, j] = covariance[i, j]

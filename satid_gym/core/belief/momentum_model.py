@@ -140,7 +140,7 @@ def linearise(belief, work, gyro):
 @inline
 def support(belief):
     """Number of first states that a reading depends on, as far as its rows are filled."""
-    rigid = belief.calibration.states == 0 and belief.modes.coupling.shape[0] == 0
+    rigid = belief.calibration.states == 0 and belief.modes.coupling.shape[0] == 0  # nothing but tau, psi follows
     return 3 + belief.prior_theta.shape[0] if rigid else belief.mean.shape[0]
 
 

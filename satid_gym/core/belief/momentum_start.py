@@ -11,7 +11,7 @@ from satid_gym.core.algebra import (
     store,
     store_symmetric,
 )
-from satid_gym.core.belief import adaptation, alignment, calibration, gating, modes, whiteness
+from satid_gym.core.belief import adaptation, alignment, attitude, calibration, gating, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -24,6 +24,8 @@ def start(belief, work, gyro, tachometer):
     p = belief.prior_theta.shape[0]
     gating.begin(belief, gyro, tachometer)
     calibration.start(belief)
+    if belief.attitude.on != 0:
+        attitude.start(belief)
     alignment.start(belief, gyro, tachometer)
     store(belief.wheel_input, calibration.wheel_input(belief, tachometer))
     if belief.adaptation.on != 0:

@@ -8,6 +8,7 @@ import numpy as np
 
 from satid_gym.core.belief.adaptation import adaptation_dtype, adaptation_work_dtype
 from satid_gym.core.belief.alignment import alignment_dtype
+from satid_gym.core.belief.attitude import attitude_dtype
 from satid_gym.core.belief.calibration import calibration_dtype
 from satid_gym.core.belief.gating import gate_dtype
 from satid_gym.core.belief.modes import modes_dtype, modes_work_dtype
@@ -19,8 +20,9 @@ from satid_gym.core.records import FLOAT, INT
 def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lines: int = 0) -> np.dtype:
     """Belief: what the filter was told before launch, and its state.
 
-    mean is [M, theta, disturbance torque, 5 states of each of so many `modes`, `errors` of sensors and wheels] for
-    MOMENTUM, [omega, theta, wheel speed] for RATE. `lines`: room for readings that are aligned.
+    mean is [M, theta, disturbance torque, 5 states of each of so many `modes`, attitude error where there is a star
+    tracker, `errors` of sensors and wheels] for MOMENTUM, [omega, theta, wheel speed] for RATE. `lines`: room for
+    readings that are aligned.
     """
     return np.dtype(
         [
@@ -58,6 +60,7 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lin
             ("modes", modes_dtype(modes)),
             ("calibration", calibration_dtype(n, errors)),
             ("alignment", alignment_dtype(n, lines)),
+            ("attitude", attitude_dtype()),
             ("whiteness", whiteness_dtype()),
         ],
         align=True,
@@ -90,6 +93,7 @@ def work_dtype(n: int, p: int, size: int, modes: int = 0) -> np.dtype:
             ("block", FLOAT, (p, p)),
             ("theta_covariance", FLOAT, (p, p)),
             ("adaptation", adaptation_work_dtype(p)),
+            ("attitude", FLOAT, (3, wide)),
             ("wheel", FLOAT, (4, n)),
             ("modes", modes_work_dtype(modes, size)),
         ],

@@ -12,15 +12,7 @@ from satid_gym.core.algebra import (
     multiply,
 )
 from satid_gym.core.jit import inline
-
-
-@inline
-def to_body(q, v):
-    """An inertial vector in the body frame; q is body to inertial, scalar last."""
-    a = (-q[0], -q[1], -q[2])
-    t = cross(a, v)
-    t = (2.0 * t[0], 2.0 * t[1], 2.0 * t[2])
-    return add(axpy(q[3], t, v), cross(a, t))
+from satid_gym.core.rotation import to_body
 
 
 @inline

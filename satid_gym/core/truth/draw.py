@@ -16,12 +16,13 @@ from satid_gym.core.algebra import (
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import between, normal, uniform
 from satid_gym.core.records import InertiaMode
-from satid_gym.core.truth.disturbance import to_body
+from satid_gym.core.rotation import to_body
 from satid_gym.core.truth.dynamics import set_momenta, set_speeds
 from satid_gym.core.truth.inertia_law import steps
 from satid_gym.core.truth.oscillator_draw import draw_oscillators, draw_scale, fits
 from satid_gym.core.truth.oscillator_geometry import point_inertia
 from satid_gym.core.truth.sampling import begin_sampling, draw_delay
+from satid_gym.core.truth.star_tracker import begin_tracker
 from satid_gym.core.wheels import wheel_axis
 
 _DRAWS_MAX = 1000
@@ -238,4 +239,6 @@ def draw_plant(draw, plant):
         begin_sampling(plant)
     if draw.faulty != 0:
         _draw_faults(draw, plant)
+    if plant.tracker.on != 0:
+        begin_tracker(plant)
     return True

@@ -1,4 +1,4 @@
-"""Sensors and motors: readings of gyro and tachometers, and the torque that the motors really give."""
+"""Sensors and motors: readings of gyro, tachometers and star tracker, and the torque that the motors really give."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import normal
 from satid_gym.core.truth import faults, sampling
+from satid_gym.core.truth.star_tracker import read_tracker
 
 
 @outline
 def read_sensors(plant):
-    """Write gyro (3,) and tachometer (n,) readings at plant.time."""
+    """Write the readings at plant.time: gyro (3,), tachometer (n,), and the star tracker's where there is one."""
     silent, stuck = faults.gyro_dropped(plant), faults.stuck_tachometer(plant)
     sampled = plant.sampling.on != 0
     rate = sampling.sampled_rate(plant) if sampled else load(plant.rate)
@@ -35,6 +36,8 @@ def read_sensors(plant):
         faults.spike_gyro(plant)
     if plant.sampling.gyro_range > 0.0:
         sampling.limit_gyro(plant)
+    if plant.tracker.on != 0:
+        read_tracker(plant)
 
 
 @inline

@@ -50,7 +50,7 @@ class CalibratedModel(MomentumModel):
         """Mean and covariance after the first reading: the errors at their prior too."""
         mean, covariance = np.zeros(self.size), np.zeros((self.size, self.size))
         simple = MomentumModel(self.settings, self.prior)
-        mean[: self.first], covariance[: self.first, : self.first] = simple.start(gyro, wheel_speed)
+        mean[: simple.size], covariance[: simple.size, : simple.size] = simple.start(gyro, wheel_speed)
         covariance[self.first :, self.first :] = calibration_covariance(self.prior.wheels, self.prior.tolerances)
         self.start_momentum(mean, covariance, wheel_speed, gyro)
         return mean, covariance
@@ -63,7 +63,7 @@ class CalibratedModel(MomentumModel):
         inertia = tensor(self.split(x)[1])
         x[:3] = inertia @ omega + (self.spin + wheels) @ a
         by_errors = self._columns(-inertia, -inertia @ np.kron(np.eye(3), omega), np.kron(a, np.eye(3)))
-        rows = np.hstack([regressor(omega, self.p), np.zeros((3, 3)), by_errors])
+        rows = np.hstack([regressor(omega, self.p), np.zeros((3, self.first - 3 - self.p)), by_errors])
         covariance[:3, 3:] = rows @ covariance[3:, 3:]
         covariance[3:, :3] = covariance[:3, 3:].T
         noise = inertia @ inertia * self.prior.gyro_noise_std**2 + self.spin_covariance
@@ -81,7 +81,8 @@ class CalibratedModel(MomentumModel):
     def spin_errors(self, x: np.ndarray, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """C (3, size) with J d omega = C dx at a state and a rate: d(M - a) - L(omega) dtheta - sum_k Omega_k de_k."""
         by_errors = self._columns(np.zeros((3, 3)), np.zeros((3, 9)), -np.kron(a, np.eye(3)))
-        return np.hstack([np.eye(3), -regressor(omega, self.p), np.zeros((3, 3)), by_errors])
+        others = np.zeros((3, self.first - 3 - self.p))
+        return np.hstack([np.eye(3), -regressor(omega, self.p), others, by_errors])
 
     def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """Jacobian of the reading, its part by theta and G at the most likely rate."""

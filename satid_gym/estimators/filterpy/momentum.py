@@ -1,4 +1,4 @@
-"""Reference MomentumEKF, extended and unscented: filterpy's algebra around the same model, in plain numpy.
+"""Reference MomentumEKF: filterpy's algebra around the same model, in plain numpy.
 
 Slow and plain on purpose: the compiled filters are compared with them, and they are a pattern for filters of your own.
 """
@@ -8,8 +8,10 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter
+from scipy.spatial.transform import Rotation
 
+from satid_gym.estimators.filterpy.attitude import AttitudeModel
 from satid_gym.estimators.filterpy.calibration import CalibratedModel
 from satid_gym.estimators.filterpy.flexible import FlexibleModel
 from satid_gym.estimators.filterpy.gate import Gate
@@ -95,6 +97,13 @@ class FilterpyMomentumEKF(Reference):
                 "the gate of FilterpyMomentumEKF knows exact wheels and rigid bodies alone: use gate=0, or "
                 "calibrate=False and flexible=False"
             )
+        if prior.sensors.star_tracker is not None:
+            if type(self) is not FilterpyMomentumEKF or self.momentum.gate > 0.0 or (flexible and prior.modes):
+                raise ValueError(
+                    "of the reference filters FilterpyMomentumEKF takes a star tracker, for a rigid body and without "
+                    "gate: use MomentumEKF, or sensors without star_tracker"
+                )
+            return AttitudeModel(self.momentum, prior)
         if flexible and prior.modes:
             return FlexibleModel(self.momentum, prior)
         return CalibratedModel(self.momentum, prior) if calibrates else MomentumModel(self.momentum, prior)
@@ -113,6 +122,8 @@ class FilterpyMomentumEKF(Reference):
         start, end = self._a, self.model.input(wheel_speed)
         steps = self.momentum.steps(self.model.prior)
         h = dt / steps
+        if isinstance(self.model, AttitudeModel):
+            self.model.begin_prediction(self.filter.x, start, self._stepped)
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
             self._predict_step(a0, a1, h, dt)
@@ -124,6 +135,8 @@ class FilterpyMomentumEKF(Reference):
     def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
         kf, x = self.filter, self.filter.x
         kf.F = self.model.step_jacobian(x, a0, a1, h)
+        if isinstance(self.model, AttitudeModel):
+            self.model.turn(x, a0, a1, h)
         kf.Q = self.model.process_noise(x, a0, h, dt)
         kf.predict_x = lambda u: setattr(kf, "x", self.model.step(x, a0, a1, h))
         kf.predict()
@@ -133,7 +146,10 @@ class FilterpyMomentumEKF(Reference):
         """Update with the reading; returns the normalised innovation squared per degree of freedom."""
         kf, gate = self.filter, self._gate
         if gate is None:
-            return self._condition(gyro)
+            nis = self._condition(gyro)
+            if isinstance(self.model, AttitudeModel):
+                self.model.take_up(kf.x)
+            return nis
         if gate.repeated(gyro):
             return 0.0
         rejected = None if gate.momentum_lost() else gate.reject(kf, self._a, gyro)
@@ -172,12 +188,37 @@ class FilterpyMomentumEKF(Reference):
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
 
+    def update_attitude(self, attitude: np.ndarray) -> float:
+        """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
+
+        Raises:
+            ValueError: the prior has no star tracker.
+        """
+        kf, model, reading = self.filter, self.model, Rotation.from_quat(attitude)
+        if not isinstance(model, AttitudeModel):
+            raise ValueError("update_attitude is for a prior whose sensors have a star_tracker")
+        if not model.is_known(kf.P):
+            model.begin(kf.P, reading)
+            return 0.0
+        slope = np.zeros((3, model.size))
+        slope[:, model.psi] = np.eye(3)
+        nis = self._update_rate(model.innovation(reading), slope, np.zeros(3), model.tracker_noise())
+        model.take_up(kf.x)
+        return nis
+
     def _condition_rate(self, gyro: np.ndarray) -> float:
-        """The same in errors of the rate; M and its covariance then follow from the rate that was found."""
+        """The same in errors of the rate."""
+        model, a, x = self.model, self._a, self.filter.x.copy()
+        return self._update_rate(
+            gyro, model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.measurement_noise(x)
+        )
+
+    def _update_rate(self, reading: np.ndarray, slope: np.ndarray, value: np.ndarray, noise: np.ndarray) -> float:
+        """Update by a reading, its slope (3, size), expectation and noise; M follows from the rate that it finds."""
         kf, model, a = self.filter, self.model, self._a
         x = kf.x.copy()
-        slope, value, omega = model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.rate(x, a)
-        kf.update(gyro, lambda _: slope, lambda _: value, R=model.measurement_noise(x))
+        omega = model.rate(x, a)
+        kf.update(reading, lambda _: slope, lambda _: value, R=noise)
         to_rate = np.linalg.solve(model.inertia(x), model.spin_errors(x, a, model.reference))
         correction = to_rate @ (kf.x - x)
         model.reference = model.reference + correction
@@ -186,47 +227,3 @@ class FilterpyMomentumEKF(Reference):
         kf.P = identity @ kf.P @ identity.T
         kf.x[:3] += inertia @ (omega + correction - model.rate(kf.x, a))
         return float(kf.y @ kf.SI @ kf.y) / 3.0
-
-
-class FilterpyMomentumUKF(FilterpyMomentumEKF):
-    """The same model under filterpy's unscented filter: no Jacobians, curvature to second order.
-
-    Args:
-        **settings: fields of `MomentumEKFSettings`.
-
-    Raises:
-        ValueError: a gate or adaptation is asked for; this filter has none.
-    """
-
-    def __init__(self, **settings: object) -> None:
-        super().__init__(**settings)
-        if self.momentum.gate > 0.0 or self.momentum.adaptive:
-            raise ValueError(
-                "FilterpyMomentumUKF has neither gate nor adaptation: gate must be 0 and adaptive False, got "
-                f"{self.momentum.gate} and {self.momentum.adaptive}"
-            )
-
-    def _new_filter(self) -> UnscentedKalmanFilter:
-        size = self.model.size
-        points = MerweScaledSigmaPoints(size, alpha=0.5, beta=2.0, kappa=3.0 - size, sqrt_method=_root)
-        return UnscentedKalmanFilter(size, 3, dt=1.0, hx=self.model.reading, fx=self._step, points=points)
-
-    def _step(self, x: np.ndarray, dt: float, a0: np.ndarray, a1: np.ndarray) -> np.ndarray:
-        return self.model.step(x, a0, a1, dt)
-
-    def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
-        self.filter.Q = self.model.process_noise(self.filter.x, a0, h, dt)
-        self.filter.predict(dt=h, a0=a0, a1=a1)
-
-    def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
-        """Update with the reading; returns the normalised innovation squared per degree of freedom."""
-        kf = self.filter
-        kf.update(gyro, R=self.model.measurement_noise(kf.x), a=self._a)
-        return float(kf.y @ kf.SI @ kf.y) / 3.0
-
-
-def _root(matrix: np.ndarray) -> np.ndarray:
-    """U with U^T U = matrix, for a matrix that may be only positive semidefinite, scaled to unit diagonal."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    return (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale

@@ -1,0 +1,249 @@
+"""Attitude: its error as a state of the MomentumEKF, beside the inertia, where there is a star tracker.
+
+The estimate is a quaternion q, the error psi (3) a small rotation vector in the inertial frame, q_true = exp(psi) q.
+The filter's own rate, omega = J^-1 (M - a), turns q on, so that its errors turn psi:
+
+    dq/dt = q * omega / 2,   dpsi/dt = R(q) d omega,   d omega = J^-1 (dM - L(omega) dtheta - sum_k Omega_k de_k)
+
+With M as another state that omega turns, this tells of the momentum in inertial space, R M, which the wheels cannot
+change. Noise of the tachometers enters M and psi as one and the same. A reading measures psi,
+
+    q_read q^-1 = exp(psi + noise),   N = s_a^2 (1 - b b^T) + s_r^2 b b^T,   b: boresight, inertial frame
+
+After each update q takes up the mean of psi. The attitude begins with a reading, and begins anew with another where a
+step or a mass that moves has changed the inertia, for the rate was then wrong for a part of a sample, and where no
+sample came for so long that nobody knows how far the body has turned.
+Source: Lefferts, Markley, Shuster, Kalman filtering for spacecraft attitude estimation (1982); Markley, Attitude error
+representations for Kalman filtering (2003). The rate being the filter's own, not the gyro's, is this project's design.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from satid_gym.core.algebra import axpy, load, multiply, store, store_symmetric, subtract
+from satid_gym.core.belief import momentum_model
+from satid_gym.core.belief.kalman import write_cross_times, write_times_regressor
+from satid_gym.core.jit import inline, outline
+from satid_gym.core.records import FLOAT, INT
+from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
+
+_KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins anew: the error is no small angle
+
+
+@functools.cache
+def attitude_dtype() -> np.dtype:
+    """Attitude: what is known of the star tracker, and the estimate."""
+    return np.dtype(
+        [
+            ("on", INT),  # 0: there is no tracker
+            ("first", INT),  # index of psi in the mean
+            ("across_variance", FLOAT),  # s_a^2
+            ("round_variance", FLOAT),  # s_r^2
+            ("boresight", FLOAT, 3),  # unit vector, body frame
+            ("known", INT),  # 0: it has not begun
+            ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
+            ("age", FLOAT),  # s since the last reading; as long as the flight before the first
+        ],
+        align=True,
+    )
+
+
+@inline
+def start(belief):
+    """State before the first reading."""
+    state = belief.attitude
+    state.known, state.age = 0, 0.0
+    store_quaternion(state.quaternion, (0.0, 0.0, 0.0, 1.0))
+
+
+@inline
+def forget(belief):
+    """Let the attitude begin with the next reading."""
+    state, covariance = belief.attitude, belief.covariance
+    state.known = 0
+    for i in range(3):
+        for j in range(covariance.shape[0]):
+            covariance[state.first + i, j] = covariance[j, state.first + i] = 0.0
+
+
+@inline
+def _noise(state):
+    """N (symmetric), rad^2."""
+    x, y, z = to_inertial(state.quaternion, load(state.boresight))
+    s, d = state.across_variance, state.round_variance - state.across_variance
+    return s + d * x * x, s + d * y * y, s + d * z * z, d * x * y, d * x * z, d * y * z
+
+
+@outline
+def begin(belief, reading):
+    """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
+    forget(belief)
+    state, covariance = belief.attitude, belief.covariance
+    state.known = 1
+    store_quaternion(state.quaternion, load_quaternion(reading))
+    a, p = _noise(state), state.first
+    covariance[p, p], covariance[p + 1, p + 1], covariance[p + 2, p + 2] = a[0], a[1], a[2]
+    covariance[p, p + 1] = covariance[p + 1, p] = a[3]
+    covariance[p, p + 2] = covariance[p + 2, p] = a[4]
+    covariance[p + 1, p + 2] = covariance[p + 2, p + 1] = a[5]
+
+
+@inline
+def is_known(belief):
+    """Whether it has begun, and its error is still a small angle."""
+    state, variance = belief.attitude, 0.0
+    for i in range(3):
+        variance = max(variance, belief.covariance[state.first + i, state.first + i])
+    return state.known != 0 and variance < _KNOWN**2
+
+
+@outline
+def std_about(belief, x, y, z):
+    """Standard deviation of the error about an axis of the body frame, rad; 1 where the attitude is not known."""
+    if not is_known(belief):
+        return 1.0
+    first = belief.attitude.first
+    axis = to_inertial(load_quaternion(belief.attitude.quaternion), (x, y, z))
+    variance = 0.0
+    for i in range(3):
+        for j in range(3):
+            variance += axis[i] * belief.covariance[first + i, first + j] * axis[j]
+    return np.sqrt(variance)
+
+
+@inline
+def _turned(state, omega, h):
+    """The attitude after h seconds at the rate omega."""
+    return product(load_quaternion(state.quaternion), turn(axpy(h, omega, (0.0, 0.0, 0.0))))
+
+
+@outline
+def _write_rate_rows(belief, work, momentum, omega, J_inv, shares, h):
+    """J d omega in the middle of a step by the state before it, to work.attitude (3, size).
+
+    d omega = J^-1 (dM' - L(omega) dtheta - sum_k Omega_k de_k), M' = M + h / 2 (M x omega_0 + tau); arguments as for
+    `predict`.
+    """
+    p, c, rows, first = belief.prior_theta.shape[0], belief.calibration, work.attitude, work.jacobian[2]
+    store_symmetric(first, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    write_times_regressor(first, omega, work.regressor)
+    for i in range(3):
+        for j in range(rows.shape[1]):
+            rows[i, j] = 0.0
+        for j in range(3):
+            rows[i, j] = 0.5 * h * work.jacobian[0, i, j]
+        for j in range(p):
+            rows[i, 3 + j] = 0.5 * h * work.sensitivity[0, i, j] - work.regressor[i, j]
+        rows[i, i] += 1.0
+        rows[i, 3 + p + i] = 0.5 * h
+    if c.wheels == 0:
+        return
+    write_cross_times(momentum, J_inv, first)
+    for k in range(belief.speed.shape[0]):
+        before, change = c.speed_before[k], belief.speed[k] - c.speed_before[k]
+        early, middle = before + shares[0] * change, before + shares[1] * change
+        for i in range(3):
+            for j in range(3):
+                rows[i, c.wheels + 3 * k + j] = -0.5 * h * early * first[i, j] - (middle if i == j else 0.0)
+
+
+@outline
+def predict(belief, work, momentum, rates, J_inv, shares, h):
+    """Turn the attitude and its error on by a midpoint step, before its covariance is propagated.
+
+    Args:
+        belief: belief.
+        work: scratch space; jacobian[0] and sensitivity[0] are the slope's by M and theta at the first stage.
+        momentum: M at the first stage.
+        rates: omega at the second stage, and the rate at which it is derived by theta.
+        J_inv: J^-1 (symmetric).
+        shares: of the prediction that has passed at both stages.
+        h: s.
+    """
+    state, covariance, rows, change = belief.attitude, belief.covariance, work.attitude, work.product
+    size, first = covariance.shape[0], belief.attitude.first
+    _write_rate_rows(belief, work, momentum, rates[1], J_inv, shares, h)
+    middle = _turned(state, rates[0], 0.5 * h)
+    for j in range(size):
+        column = to_inertial(middle, multiply(J_inv, (rows[0, j], rows[1, j], rows[2, j])))
+        rows[0, j], rows[1, j], rows[2, j] = h * column[0], h * column[1], h * column[2]
+    for i in range(3):
+        for j in range(size):
+            total = 0.0
+            for k in range(size):
+                total += rows[i, k] * covariance[k, j]
+            change[i, j] = total
+    for i in range(3):
+        for j in range(size):
+            if j < first or j >= first + 3:
+                covariance[first + i, j] = covariance[j, first + i] = covariance[first + i, j] + change[i, j]
+    for i in range(3):
+        for j in range(i, 3):
+            total = change[i, first + j] + change[j, first + i]
+            for k in range(size):
+                total += change[i, k] * rows[j, k]
+            own = covariance[first + i, first + j] + total
+            covariance[first + i, first + j] = covariance[first + j, first + i] = own
+    store_quaternion(state.quaternion, _turned(state, rates[0], h))
+
+
+@outline
+def add_tachometer_noise(belief, work, momentum, noise, h2):
+    """P_pp += h2 R S R^T and P_Mp += h2 [M x] S R^T, S = J^-1 N J^-1: the noise that `momentum_model` adds to P_MM."""
+    covariance, first, crossed = belief.covariance, belief.attitude.first, work.jacobian[2]
+    q = belief.attitude.quaternion
+    write_cross_times(momentum, noise, crossed)
+    rows = ((noise[0], noise[3], noise[4]), (noise[3], noise[1], noise[5]), (noise[4], noise[5], noise[2]))
+    turned = (to_inertial(q, rows[0]), to_inertial(q, rows[1]), to_inertial(q, rows[2]))  # S R^T
+    for j in range(3):
+        column = to_inertial(q, (turned[0][j], turned[1][j], turned[2][j]))
+        for i in range(3):
+            covariance[first + i, first + j] += h2 * column[i]
+    for i in range(3):
+        row = to_inertial(q, (crossed[i, 0], crossed[i, 1], crossed[i, 2]))
+        for j in range(3):
+            both = covariance[i, first + j] + h2 * row[j]
+            covariance[i, first + j] = covariance[first + j, i] = both
+
+
+@outline
+def linearise(belief, work, reading):
+    """Whitened rows and innovation of a reading (4,), to work."""
+    state, rows, size = belief.attitude, work.rows, belief.mean.shape[0]
+    x, y, z, w = load_quaternion(state.quaternion)
+    store(work.innovation, rotation_vector(product(load_quaternion(reading), (-x, -y, -z, w))))
+    for i in range(3):
+        for j in range(size):
+            rows[i, j] = 1.0 if j == state.first + i else 0.0
+    momentum_model.whiten(work, _noise(state), size)
+
+
+@inline
+def finish(belief, work):
+    """Leave the rows of psi as those of a gyro's reading, which does not depend on it, are: 0."""
+    for i in range(3):
+        for j in range(3):
+            work.rows[i, belief.attitude.first + j] = 0.0
+
+
+@inline
+def take_up(belief):
+    """Move the mean of psi into the attitude."""
+    state, mean = belief.attitude, belief.mean
+    psi = load(mean[state.first : state.first + 3])
+    store_quaternion(state.quaternion, product(turn(psi), load_quaternion(state.quaternion)))
+    store(mean[state.first : state.first + 3], (0.0, 0.0, 0.0))
+
+
+@inline
+def reference(belief, J_inv, a):
+    """What to add to the rate along a prediction, which begins at a, where derivatives by theta are taken.
+
+    In errors of the rate that is how far `reference_rate`, free of the tachometers' noise, is from the first.
+    """
+    if belief.rate_coordinates == 0 or belief.stepped != 0:
+        return 0.0, 0.0, 0.0
+    return subtract(load(belief.reference_rate), multiply(J_inv, subtract(load(belief.mean), a)))

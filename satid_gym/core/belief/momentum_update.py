@@ -1,0 +1,124 @@
+"""Updates of the MomentumEKF by a reading: in errors of the momentum or of the rate, once or iterated."""
+
+from __future__ import annotations
+
+from satid_gym.core.belief import adaptation, alignment, attitude, modes, momentum_model, retraction, whiteness
+from satid_gym.core.belief.kalman import is_known_to, update
+from satid_gym.core.jit import inline, outline
+
+_ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
+_ITERATIONS = 4
+_STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia counts as learned
+
+
+@outline
+def update_gyro(belief, work, gyro):
+    """Update by the reading, which is linearised about the mean in work."""
+    support = momentum_model.support(belief)
+    if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work, support):
+        adaptation.step(belief)
+        if belief.attitude.on != 0:
+            attitude.forget(belief)
+        if alignment.is_mixed(belief):
+            return 0.0
+    if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
+        belief.stepped = 0
+    if belief.rate_coordinates != 0 and belief.stepped == 0:
+        coarse = is_coarse(belief)
+        nis = _update_rate(belief, work, support)
+        if not coarse or whiteness.is_inflated(belief):
+            whiteness.note(belief, work)
+        return nis
+    if not is_coarse(belief):
+        nis = _update_once(belief, work, support)
+        whiteness.note(belief, work)
+        return nis
+    if belief.adaptation.on != 0:
+        adaptation.forget(belief.adaptation)
+    size, prior_mean, prior = belief.mean.shape[0], work.prior_mean, work.prior_covariance
+    _copy(belief.mean, belief.covariance, prior_mean, prior, size)
+    nis, constrained_updates = 0.0, belief.constrained_updates
+    for iteration in range(_ITERATIONS):
+        if iteration > 0:
+            modes.refresh(belief)
+            momentum_model.linearise(belief, work, gyro)
+        for r in range(3):
+            for k in range(support):
+                work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
+        _copy(prior_mean, prior, belief.mean, belief.covariance, size)
+        nis = update(belief, work, 3, support)
+    belief.constrained_updates = min(belief.constrained_updates, constrained_updates + 1)
+    if whiteness.is_inflated(belief):
+        whiteness.note(belief, work)
+    return nis
+
+
+@inline
+def _update_once(belief, work, support):
+    """Update by what is in work, in errors of the momentum."""
+    if belief.adaptation.on != 0:
+        adaptation.keep(belief, work)
+    nis = update(belief, work, 3, support)
+    if belief.adaptation.on != 0:
+        adaptation.learn(belief, work)
+    return nis
+
+
+@inline
+def _update_rate(belief, work, support):
+    """The same in errors of the rate, in which one linearisation will do.
+
+    Not after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
+    """
+    coarse, adapts = is_coarse(belief), belief.adaptation.on != 0
+    if adapts and coarse:
+        adaptation.forget(belief.adaptation)
+        adapts = False
+    if adapts:
+        adaptation.keep(belief, work)
+    retraction.begin(belief, work)
+    nis = update(belief, work, 3, support)
+    if adapts:
+        adaptation.learn(belief, work)
+    retraction.finish(belief, work)
+    return nis
+
+
+@inline
+def is_coarse(belief):
+    """Whether a moment is known to no better than 5 %."""
+    return not is_known_to(belief, _ITERATE_ABOVE)
+
+
+@inline
+def _copy(mean, covariance, to_mean, to_covariance, size):
+    for i in range(size):
+        to_mean[i] = mean[i]
+        for j in range(size):
+            to_covariance[i, j] = covariance[i, j]
+
+
+@outline
+def update_attitude(belief, work, reading):
+    """Update by a reading (4,) of the star tracker; normalised innovation squared (3), 0 where nothing was compared.
+
+    Where updates are iterated, while a moment is known to no better than 5 %, the attitude waits to begin.
+    """
+    nis = 0.0
+    belief.attitude.age = 0.0
+    if is_coarse(belief) and (belief.rate_coordinates == 0 or belief.stepped != 0):
+        attitude.forget(belief)
+    elif attitude.is_known(belief):
+        attitude.linearise(belief, work, reading)
+        size = belief.mean.shape[0]
+        if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work, size):
+            adaptation.step(belief)
+            attitude.finish(belief, work)
+            attitude.forget(belief)
+            return nis
+        nis = _update_once(belief, work, size) if belief.stepped != 0 else _update_rate(belief, work, size)
+        attitude.finish(belief, work)
+        attitude.take_up(belief)
+    else:
+        attitude.begin(belief, reading)
+    return nis

@@ -1,0 +1,380 @@
+"""Star tracker: what truth reads, when it is blind, and how the filter estimates the attitude beside the inertia."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baselines.studies.recording import record
+from satid_gym import (
+    SATELLITES,
+    Pilot,
+    Satellite,
+    SatInertiaIDEnv,
+    SatInertiaIDVectorEnv,
+    Scenario,
+    Sensors,
+    StarTracker,
+)
+from satid_gym.appendages import panel_pair
+from satid_gym.core.observation import observed_std
+from satid_gym.estimators import (
+    AdaptiveEKF,
+    FilterpyAdaptiveEKF,
+    FilterpyMomentumEKF,
+    FilterpyMomentumUKF,
+    MomentumEKF,
+    MomentumSmoother,
+    RateEKF,
+)
+from satid_gym.estimators.filterpy.attitude import AttitudeModel
+from satid_gym.estimators.momentum import MomentumEKFSettings
+from satid_gym.evaluation import fly, seeds
+from satid_gym.fleet import Fleet
+from satid_gym.flightcode import write
+from satid_gym.policies.registry import make_baseline
+from satid_gym.policy import missions
+from satid_gym.problem import problem
+from satid_gym.scenario import prior_of
+from satid_gym.star_tracker import EARTH_GRAVITY, EARTH_RADIUS
+from tests.cases import cases
+
+DEGREE = np.pi / 180.0
+TRACKER = StarTracker(boresight=[0.6, 0.0, 0.8])
+BLINDED = TRACKER.replace(rate_limit=0.02, sun_exclusion=30 * DEGREE, earth_exclusion=10 * DEGREE, reacquire=2.0)
+BIAS = {"gyro_bias": 1e-4}  # all tests have one state size, for each has a filter to compile
+
+
+def world(tracker=TRACKER, **settings):
+    return Scenario(**{"tolerances": BIAS, "sensors": Sensors(star_tracker=tracker), "horizon": 60.0, **settings})
+
+
+def flight(tracker, seed, estimator="momentum", **settings):
+    policy = make_baseline("rate_square", "microsat")
+    scenario = world(tracker, **settings)
+    return record(policy, satellite="microsat", inertia="drift", seeds=[seed], scenario=scenario, estimator=estimator)
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return flight(TRACKER, 90_001)
+
+
+@pytest.fixture
+def prior():
+    return prior_of(SATELLITES["microsat"], world())
+
+
+# truth
+
+
+@pytest.mark.compiled
+def test_readings_have_the_noise_of_the_data_sheet():
+    env = SatInertiaIDVectorEnv(4000, "microsat", "static", world())
+    env.reset(seed=0)
+    plants = env.fleet.rows.plants
+    assert plants["tracker"]["fresh"].all()
+    read, true = (Rotation.from_quat(values) for values in (plants["tracker"]["reading"], plants["attitude"]))
+    error = (true.inv() * read).as_rotvec()  # in the frame of the body
+    along = error @ TRACKER.boresight
+    across = error - along[:, None] * TRACKER.boresight
+    assert along.std() == pytest.approx(TRACKER.round_std, rel=4.0 / np.sqrt(2.0 * len(along)))
+    assert np.sqrt((across**2).sum(axis=1).mean() / 2.0) == pytest.approx(TRACKER.across_std, rel=0.05)
+    env.close()
+
+
+def test_momentum_as_the_star_tracker_sees_it_stays():
+    """Noiseless and without torque from outside: R (J omega + A j Omega) is constant while the wheels turn the body."""
+    quiet = world(
+        TRACKER.replace(across_std=0.0, round_std=0.0),
+        disturbance_scale=0.0,
+        gravity_gradient=False,
+        solar_pressure=0.0,
+    )
+    env = SatInertiaIDEnv("microsat", "static", quiet)
+    env.reset(seed=2)
+    seen, turned = [], []
+    for i in range(20):
+        env.step(np.array([0.2, -0.15, 0.1], np.float32) * (-1.0 if i // 5 % 2 else 1.0))
+        plant = env.fleet.rows.plants[0]
+        attitude = Rotation.from_quat(plant["tracker"]["reading"])
+        spin = plant["axes"] @ (plant["wheel_inertia"] * plant["wheel_speed"])
+        seen.append(attitude.apply(plant["inertia"] @ plant["rate"] + spin))
+        turned.append(attitude.as_rotvec())
+    assert np.abs(np.ptp(seen, axis=0)).max() < 1e-8 * np.linalg.norm(seen[0])
+    assert np.ptp(turned, axis=0).max() > 0.05
+
+
+def test_it_is_blind_as_the_data_sheet_says():
+    """Against the rules in plain numpy, on the recorded motion of flights."""
+    spent = set()
+    for seed in range(6):
+        fleet = Fleet(problem("microsat", "static", world(BLINDED)), 1, log=True)
+        fleet.rows.plants["stream"][0] = np.random.default_rng(seed).integers(1, 2**64, 4, dtype=np.uint64)
+        fleet.begin()
+        plant = fleet.rows.plants[0]
+        scenario = fleet.problem.scenario
+        samples = [fleet.rows.logs[0, 0].copy()]
+        shares = []
+        for t in range(60):
+            fleet.step(np.array([[0.06, -0.05, 0.04]], np.float32) * (-1.0 if t // 15 % 2 else 1.0))
+            samples += list(fleet.rows.logs[0].copy())
+            shares.append(float(fleet.rows.reports["tracking"][0]))
+        log = np.array(samples)
+        boresight = Rotation.from_quat(log["attitude"]).apply(np.array(BLINDED.boresight))
+        angle = scenario.orbit_rate * log["time"]
+        earth = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+        limb = np.arcsin(EARTH_RADIUS / (EARTH_GRAVITY / scenario.orbit_rate**2) ** (1.0 / 3.0))
+        reasons = {
+            "rate": np.linalg.norm(log["rate"], axis=1) > BLINDED.rate_limit,
+            "sun": np.arccos(boresight @ plant["tracker"]["sun"]) < BLINDED.sun_exclusion,
+            "earth": np.arccos((boresight * earth).sum(axis=1)) < limb + BLINDED.earth_exclusion,
+        }
+        spent |= {name for name, blind in reasons.items() if blind.any()}
+        blind = np.logical_or.reduce(list(reasons.values()))
+        waited = round(BLINDED.reacquire / scenario.sample_period)
+        tracks = ~np.array([blind[max(0, k - waited + 1) : k + 1].any() for k in range(len(blind))])
+        due = np.arange(len(log)) % round(BLINDED.period / scenario.sample_period) == 0
+        np.testing.assert_array_equal(np.isfinite(log["star_tracker"]).all(axis=1), tracks & due)
+        np.testing.assert_allclose(shares, tracks[1:].reshape(60, -1).mean(axis=1))
+    assert spent == {"rate", "sun", "earth"}
+
+
+def test_the_sun_is_drawn_only_where_it_blinds():
+    """And after everything else, so that the episode is the same with and without."""
+    plain, seeing, blinded = (SatInertiaIDEnv(scenario=own) for own in ("default", world(), world(BLINDED)))
+    for env in (plain, seeing, blinded):
+        env.reset(seed=3)
+    for name in ("inertia", "attitude", "rate", "wheel_speed"):
+        np.testing.assert_array_equal(seeing.fleet.rows.plants[name], plain.fleet.rows.plants[name])
+    for name in ("gyro_bias", "gyro"):
+        np.testing.assert_array_equal(seeing.fleet.rows.plants[name], blinded.fleet.rows.plants[name])
+    assert np.linalg.norm(blinded.fleet.rows.plants["tracker"]["sun"][0]) == pytest.approx(1.0)
+    assert not seeing.fleet.rows.plants["tracker"]["sun"].any()
+    sun, force = (blinded.fleet.rows.plants[part][0] for part in ("tracker", "solar_force"))
+    np.testing.assert_allclose(force, -np.linalg.norm(force) * sun["sun"], rtol=1e-12)  # light comes from the Sun
+
+
+# belief
+
+
+@pytest.mark.compiled
+def test_compiled_equals_filterpy(flown, prior):
+    fast, slow, compared = MomentumEKF(), FilterpyMomentumEKF(), 0
+    for k in range(flown.gyro.shape[1]):
+        gyro, speed, attitude = flown.gyro[0, k], flown.tachometer[0, k], flown.star_tracker[0, k]
+        for estimator in (fast, slow):
+            if k == 0:
+                estimator.reset(prior, gyro, speed)
+            else:
+                estimator.predict(speed, flown.dt)
+        if k > 0:
+            assert fast.update(gyro, speed) == pytest.approx(slow.update(gyro, speed), rel=1e-7, abs=1e-12)
+        if np.isfinite(attitude).all():
+            nis = fast.update_attitude(attitude)
+            assert nis == pytest.approx(slow.update_attitude(attitude), rel=1e-7, abs=1e-12)
+            compared += nis > 0.0
+        std = np.sqrt(np.maximum(np.diag(slow.covariance), 1e-300))
+        assert np.abs(fast.mean - slow.mean).max() <= 1e-9 * np.abs(slow.mean).max()
+        assert np.all(np.abs(fast.mean - slow.mean) <= 1e-7 * std), k
+        assert np.all(np.abs(fast.covariance - slow.covariance) <= 1e-7 * np.outer(std, std)), k
+        turn = Rotation.from_quat(fast.record["attitude"]["quaternion"]).inv() * slow.model.attitude
+        assert turn.magnitude() < 1e-9
+    assert compared > 100
+
+
+def test_derivatives_are_those_of_finite_differences(prior):
+    model = AttitudeModel(MomentumEKFSettings(parameters="full"), prior)
+    generator = np.random.default_rng(0)
+    w0, w1 = np.array([50.0, -80.0, 120.0]), np.array([55.0, -70.0, 110.0])
+    x, covariance = model.start(np.array([0.01, -0.02, 0.015]), w0)
+    x = x + np.sqrt(np.diag(covariance)) * generator.normal(size=model.size)
+    x[model.psi] = 0.0
+    first = Rotation.random(random_state=0)
+    scale = np.sqrt(np.diag(covariance)) + 1e-9
+    scale[model.psi] = 1e-3
+
+    def stepped(state):
+        """State after a step from an attitude that is off by its psi; psi is how far the attitude then is off."""
+        model.attitude = Rotation.from_rotvec(state[model.psi]) * first
+        model.turn(state, w0, w1, 0.1)
+        after = model.step(state, w0, w1, 0.1)
+        after[model.psi] = (model.attitude * middle.inv()).as_rotvec()
+        return after
+
+    model.attitude = first
+    model.turn(x, w0, w1, 0.1)
+    middle, model.attitude = model.attitude, first
+    jacobian = model.step_jacobian(x, w0, w1, 0.1)
+    for j in range(model.size):
+        h = np.zeros(model.size)
+        h[j] = 1e-3 * scale[j]
+        slope = (stepped(x + h) - stepped(x - h)) / (2.0 * h[j])
+        np.testing.assert_allclose(jacobian[:, j] * scale[j], slope * scale[j], rtol=1e-5, atol=1e-8, err_msg=str(j))
+
+
+@pytest.mark.compiled
+@cases("inertia", ["static", "step", "drift", "periodic"])
+def test_it_is_consistent_and_what_it_sees_helps(inertia):
+    """Mean NEES of 40 episodes, with the tracker and where it is blind all the time."""
+
+    def scores(tracker):
+        policy = make_baseline("rate_square", "microsat")
+        chosen = {"satellite": "microsat", "inertia": inertia, "seeds": seeds("validation", 40)}
+        return fly(policy, scenario=world(tracker, horizon=300.0), **chosen).scores()
+
+    seeing, blind = scores(TRACKER), scores(TRACKER.replace(rate_limit=1e-9))
+    assert 0.3 < seeing["nees"].mean() < 2.0
+    assert 0.3 < blind["nees"].mean() < 2.0
+    assert seeing["final_error"].mean() < (0.95 if inertia == "periodic" else 0.85) * blind["final_error"].mean()
+
+
+# interface
+
+
+def test_the_observation_has_what_is_known_of_the_attitude():
+    env = SatInertiaIDEnv(scenario=world(BLINDED), inertia="static", include_covariance=True)
+    observation, info = env.reset(seed=4)
+    assert list(env.layout)[-4:] == ["attitude_uncertainty", "attitude_age", "state_uncertainty", "state_correlation"]
+    known = set()
+    for t in range(40):
+        observation, _, _, _, info = env.step(np.array([0.02, 0.02, 0.02], np.float32) * (-1.0 if t // 20 else 1.0))
+        belief = env.fleet.rows.beliefs[0]
+        own, first = belief["attitude"], belief["attitude"]["first"]
+        std = observed_std(observation[env.layout["attitude_uncertainty"]].astype(float))
+        if own["known"]:
+            R = Rotation.from_quat(own["quaternion"]).as_matrix()
+            block = R.T @ belief["covariance"][first : first + 3, first : first + 3] @ R
+            np.testing.assert_allclose(std, np.sqrt(np.diag(block)), rtol=1e-5)
+            true = Rotation.from_quat(env.fleet.rows.plants["attitude"][0])
+            assert (true * Rotation.from_quat(own["quaternion"]).inv()).magnitude() < 6.0 * np.linalg.norm(std)
+        else:
+            np.testing.assert_allclose(std, 1.0, rtol=1e-5)
+        assert observation[env.layout["attitude_age"]][0] == pytest.approx(min(own["age"], 10.0), abs=1e-5)
+        known.add(bool(own["known"]))
+        assert 0.0 <= info["tracking"] <= 1.0
+    assert True in known
+
+
+def flights(**settings):
+    """Observations, rewards and shares of tracking of the single environment."""
+    env = SatInertiaIDEnv("microsat", "step", world(BLINDED), **settings)
+    found = [(env.reset(seed=6)[0], 0.0, 0.0)]
+    for _ in range(15):
+        observation, reward, _, _, info = env.step(ACTION)
+        found.append((observation, reward, info["tracking"]))
+    return found
+
+
+ACTION = np.array([0.02, -0.01, 0.03], np.float32)
+
+
+def test_single_and_vector_environment_fly_the_same():
+    many = SatInertiaIDVectorEnv(3, "microsat", "step", world(BLINDED))
+    single = flights()
+    np.testing.assert_array_equal(single[0][0], many.reset(seed=5)[0][1])
+    for observation, reward, tracking in single[1:]:
+        vector, rewards, _, _, infos = many.step(np.tile(ACTION, (3, 1)))
+        np.testing.assert_array_equal(observation, vector[1])
+        assert (reward, tracking) == (rewards[1], infos["tracking"][1])
+    many.close()
+
+
+@pytest.mark.slow
+def test_an_estimator_of_the_users_own_flies_the_same():
+    for own, core in zip(flights(estimator=AdaptiveEKF()), flights(), strict=True):
+        np.testing.assert_allclose(own[0], core[0], rtol=1e-6, atol=1e-6)
+        assert own[1:] == pytest.approx(core[1:], rel=1e-9)
+
+
+def test_a_pilot_believes_what_the_environment_does():
+    settings = {"inertia": "static", "scenario": world(TRACKER.replace(rate_limit=0.05, reacquire=0.2))}
+    policy = make_baseline("rate_square", "microsat")
+    fleet = Fleet(problem("microsat", **settings), 1, log=True)
+    fleet.rows.plants["stream"][0] = np.random.default_rng(1).integers(1, 2**64, 4, dtype=np.uint64)
+    fleet.begin()
+    pilot = Pilot("microsat", make_baseline("rate_square", "microsat"), scenario=settings["scenario"])
+    policy.reset(missions(fleet.problem)[0], [0])
+    sample, taken = 0, 0
+    log = fleet.rows.logs[0, 0]
+    pilot.start(0.0, log["gyro"], log["tachometer"], log["star_tracker"])
+    for _ in range(30):
+        action = policy(fleet.rows.observations.copy()).astype(np.float32)
+        fleet.step(action)
+        for log in fleet.rows.logs[0]:
+            sample, last = sample + 1, pilot.step
+            attitude = None if np.isnan(log["star_tracker"]).all() else log["star_tracker"]
+            taken += attitude is not None
+            torque = last(sample * 0.1, log["gyro"], log["tachometer"], attitude)
+        belief = fleet.rows.beliefs[0]
+        np.testing.assert_allclose(pilot.estimate.mean, belief["mean"], rtol=1e-9, atol=1e-12)
+        scale = np.diag(belief["covariance"]).max()
+        assert np.abs(pilot.estimate.state_covariance - belief["covariance"]).max() <= 1e-9 * scale
+    assert taken > 10
+    assert np.isfinite(torque).all()
+    before = pilot.status.counts["refused"]
+    pilot.step((sample + 1) * 0.1, log["gyro"], log["tachometer"], [10.0, 20.0, 30.0, 0.0])
+    assert pilot.status.counts["refused"] == before + 1
+    assert "attitude" in pilot.status.message
+    pilot.step((sample + 5) * 0.1, log["gyro"], log["tachometer"])  # the wheels may have done anything in between
+    assert not pilot._beliefs["attitude"]["known"][0]
+
+
+def test_a_data_sheet_keeps_its_tracker(tmp_path):
+    sheet = SATELLITES["microsat"].replace(sensors=Sensors(star_tracker=BLINDED))
+    again = Satellite.from_dict(sheet.to_dict())
+    assert again.to_dict() == sheet.to_dict()
+    np.testing.assert_allclose(again.sensors.star_tracker.boresight, [0.6, 0.0, 0.8])
+
+
+# what cannot be
+
+
+@cases(
+    ("settings", "message"),
+    [
+        ({"boresight": [0.0, 0.0, 0.0]}, "must be a direction"),
+        ({"boresight": [1.0, 0.0]}, "shape"),
+        ({"across_std": -1e-5}, "across_std of the star tracker"),
+        ({"round_std": 0.1}, "round_std of the star tracker"),
+        ({"period": 0.0}, "period of the star tracker"),
+        ({"rate_limit": 0.0}, "rate_limit of the star tracker"),
+        ({"reacquire": -1.0}, "reacquire of the star tracker"),
+        ({"sun_exclusion": 2.0}, "sun_exclusion of the star tracker"),
+        ({"period": 0.05}, "multiple of the sample period, 0.1 s, got 0.05"),
+        ({"period": 0.25}, "multiple of the sample period"),
+        ({"sun_exclusion": 1.5, "earth_exclusion": 1.0}, "must leave some sky"),
+    ],
+)
+def test_a_data_sheet_that_cannot_be_is_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        problem("microsat", "static", world(StarTracker(**settings)))
+
+
+def test_what_takes_no_star_tracker_says_so(prior, tmp_path):
+    gyro, speed = np.zeros(3), np.zeros(3)
+    for make in (
+        lambda: RateEKF().reset(prior, gyro, speed),
+        lambda: MomentumEKF(gate=0.001).reset(prior, gyro, speed),
+        lambda: FilterpyAdaptiveEKF().reset(prior, gyro, speed),
+        lambda: FilterpyMomentumUKF().reset(prior, gyro, speed),
+        lambda: MomentumSmoother(calibrate=False).run(prior, gyro[None], speed[None], 0.1),
+        lambda: SatInertiaIDEnv(scenario=world(), estimator=FilterpyMomentumEKF()),
+        lambda: SatInertiaIDEnv(_flexible(), "static", world()),
+        lambda: write(tmp_path, Pilot("microsat", "rate_square", scenario=world())),
+        lambda: SatInertiaIDVectorEnv(2, ["microsat", _tracked("cubesat")], "static"),
+    ):
+        with pytest.raises(ValueError, match=r"star.tracker"):
+            make()
+    with pytest.raises(ValueError, match="has no star tracker"):
+        Pilot("microsat", "rate_square").start(0.0, gyro, speed, [0.0, 0.0, 0.0, 1.0])
+    with pytest.raises(ValueError, match="read at one instant"):
+        Sensors(star_tracker=TRACKER, gyro_integrates=True)
+
+
+def _tracked(name):
+    return SATELLITES[name].replace(sensors=Sensors(star_tracker=TRACKER))
+
+
+def _flexible():
+    satellite = SATELLITES["microsat"]
+    return satellite.replace(oscillators=(panel_pair(satellite, 0.1, 1, 2, frequency=0.35, damping=0.005),))
