@@ -45,6 +45,7 @@ class Problem(Config):
         include_covariance: whether the filter's whole covariance is observed.
         control: what an action is, "torque" of each wheel or the body "rate" that the rate loop tracks.
         observation: "wheels" one by one, or "body": what they do to the body, however many there are.
+        include_walk: whether the random walk of the inertia that the filter uses is observed.
 
     Raises:
         ValueError: control or observation is unknown, "principal" would leave out products of inertia, or satellites
@@ -59,6 +60,7 @@ class Problem(Config):
     include_covariance: bool = False
     control: str = "torque"
     observation: Form = "wheels"
+    include_walk: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -153,7 +155,8 @@ class Problem(Config):
         """Places of the observation's parts by name, in order."""
         sheet, p = self.scenario.operate(self.satellites[0]), PARAMETER_COUNT[self.parameters]
         others = self.estimator.other_states(sheet) if self.include_covariance else 0
-        return layout(self.wheels, p, others, self.observation, self.estimator.mode_count(sheet), self.actions)
+        modes = self.estimator.mode_count(sheet)
+        return layout(self.wheels, p, others, self.observation, modes, self.actions, self.include_walk)
 
 
 def problem(
@@ -166,6 +169,7 @@ def problem(
     include_covariance: bool = False,
     control: str = "torque",
     observation: Form = "wheels",
+    include_walk: bool = False,
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.
 
@@ -190,4 +194,5 @@ def problem(
         include_covariance=include_covariance,
         control=control,
         observation=observation,
+        include_walk=include_walk,
     )

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from satid_gym.core.algebra import add, cross, inverse, multiply
-from satid_gym.core.belief import filters, modes
+from satid_gym.core.belief import filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import ObservationForm
@@ -35,13 +35,19 @@ _BODY = int(ObservationForm.BODY)
 
 
 def layout(
-    n: int, p: int, others: int = 0, form: Form = "wheels", mode_count: int = 0, actions: int | None = None
+    n: int,
+    p: int,
+    others: int = 0,
+    form: Form = "wheels",
+    mode_count: int = 0,
+    actions: int | None = None,
+    tells_walk: bool = False,
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
-    numbers, n where None.
+    numbers, n where None; `tells_walk` whether the random walk of the inertia that the filter uses is observed.
     """
     body = form == "body"
     sizes = {
@@ -59,6 +65,8 @@ def layout(
     }
     if body:
         sizes["nis"], sizes["modes"] = 1, mode_count * sum(MODE_PARTS.values())
+    if tells_walk:
+        sizes["inertia_walk"] = 1
     if others > 0:
         states = others + p
         sizes["state_uncertainty"] = others
@@ -127,6 +135,8 @@ def observe(belief, task, gyro, tachometer, out):
     if task.observation == _BODY:
         i = _write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
         i = _observe_modes(belief, task, omega, out, i)
+    if task.tells_walk != 0:
+        i = _write(out, i, _log_share(whiteness.inertia_walk(belief)))
     if i < out.shape[0]:
         _observe_covariance(belief, task, out, i)
 
