@@ -208,6 +208,7 @@ horizon as it is, so there give `scenario={"horizon": seconds}` |
     | include_covariance | False | whether the filter's whole covariance is observed |
     | control | "torque" | what an action is: "torque" of each wheel, or the body "rate" that the rate loop flies |
     | observation | "wheels" | "wheels" one by one, or "body": what they do to the body, NIS and modes |
+    | include_walk | False | whether the random walk of the inertia that the filter uses is observed |
     | truth | None | None: the environment's own truth; or an object that follows `satid_gym.truth.Truth`, as another \
 simulator does, or its module:name |
 
@@ -236,6 +237,7 @@ simulator does, or its module:name |
         include_covariance: bool = False,
         control: str = "torque",
         observation: Form = "wheels",
+        include_walk: bool = False,
         truth: str | Truth | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -256,6 +258,7 @@ simulator does, or its module:name |
             include_covariance,
             control,
             observation,
+            include_walk,
         )
         self.fleet = Fleet(self.problem, 1)
         self.observation_space, self.action_space = make_spaces(self.problem)

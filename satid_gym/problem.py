@@ -45,6 +45,7 @@ class Problem(Config):
         include_covariance: whether the filter's whole covariance is observed.
         control: what an action is, "torque" of each wheel or the body "rate" that the rate loop tracks.
         observation: "wheels" one by one, or "body": what they do to the body, however many there are.
+        include_walk: whether the random walk of the inertia that the filter uses is observed.
 
     Raises:
         ValueError: control or observation is unknown, "principal" would leave out products of inertia, or satellites
@@ -59,6 +60,7 @@ class Problem(Config):
     include_covariance: bool = False
     control: str = "torque"
     observation: Form = "wheels"
+    include_walk: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -170,6 +172,7 @@ class Problem(Config):
             self.estimator.mode_count(sheet),
             self.actions,
             self.estimator.tells_attitude(sheet),
+            self.include_walk,
         )
 
 
@@ -183,6 +186,7 @@ def problem(
     include_covariance: bool = False,
     control: str = "torque",
     observation: Form = "wheels",
+    include_walk: bool = False,
 ) -> Problem:
     """Resolve what a user gave to `gymnasium.make`.
 
@@ -207,4 +211,5 @@ def problem(
         include_covariance=include_covariance,
         control=control,
         observation=observation,
+        include_walk=include_walk,
     )

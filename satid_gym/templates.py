@@ -110,6 +110,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
     task["decisions"], task["observation"] = scenario.decisions, ObservationForm[p.observation.upper()]
+    task["tells_walk"] = p.include_walk
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit

@@ -67,6 +67,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         include_covariance: bool = False,
         control: str = "torque",
         observation: Form = "wheels",
+        include_walk: bool = False,
         truth: None = None,
     ) -> None:
         super().__init__()
@@ -95,6 +96,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             include_covariance,
             control,
             observation,
+            include_walk,
         )
         self.stagger = check_flag("stagger", stagger)
         self.fleet = Fleet(self.problem, self.num_envs, num_threads=num_threads)

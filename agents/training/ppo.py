@@ -59,7 +59,15 @@ class ExcitationPPO(AfterUpdate, PPO):
 def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
     network, s = network_of([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
-    return LearnedPolicy(s.name, network, s.control, s.margin, s.include_covariance, observation=s.observation)
+    return LearnedPolicy(
+        s.name,
+        network,
+        s.control,
+        s.margin,
+        s.include_covariance,
+        observation=s.observation,
+        include_walk=s.include_walk,
+    )
 
 
 def train(run: Run) -> PPO:

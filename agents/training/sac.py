@@ -62,7 +62,15 @@ def learned_policy(model: SAC, settings: SACSettings) -> LearnedPolicy:
     """The model's mean action, squashed by tanh, as a policy."""
     network = network_of([*model.actor.latent_pi, model.actor.mu], activation="relu", squashed=True)
     s = settings
-    return LearnedPolicy(s.name, network, s.control, s.margin, s.include_covariance, observation=s.observation)
+    return LearnedPolicy(
+        s.name,
+        network,
+        s.control,
+        s.margin,
+        s.include_covariance,
+        observation=s.observation,
+        include_walk=s.include_walk,
+    )
 
 
 def train(run: Run) -> SAC:

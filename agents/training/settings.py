@@ -152,6 +152,8 @@ class RLSettings(Task):
     tanks; that one goes with `tracked`."""
     include_covariance: bool = True
     """Whether the network sees the filter's whole covariance."""
+    include_walk: bool = False
+    """Whether it sees the random walk of the inertia that the filter uses."""
     reward: RewardSettings = field(default_factory=lambda: RewardSettings(held_reference=22.0))
     """What pays in training."""
     steps: int = 1_000_000

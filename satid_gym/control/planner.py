@@ -16,6 +16,7 @@ import numpy as np
 from satid_gym.control.decoded_observation import Belief, PlantConstants, times
 from satid_gym.control.forecast import Observed, Scratch, Start, Trail, World, follow, forecast_many
 from satid_gym.control.plan_search import improve_many
+from satid_gym.core.observation import observed_std
 from satid_gym.estimators.inertia import Parameters, inertia_parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.records import new_belief, new_work
@@ -88,6 +89,10 @@ class Planner:
     def observe(self, observation: np.ndarray) -> Belief:
         """Take in the observations (N, size) of a new decision, and what they say in physical units."""
         belief = Belief.read(observation, self.layout, self.constants)
+        if "inertia_walk" in self.layout:  # of the filter that is flown, in place of one between those it finds
+            walk = observed_std(observation[:, self.layout["inertia_walk"]].astype(float))
+            p = self.beliefs.dtype["prior_theta"].shape[0]
+            self.beliefs["walk"][:, 3 : 3 + p] = walk * self.beliefs["theta_scale"]
         theta = inertia_parameters(belief.inertia, self._parameters)
         seen = Observed(
             before=(self._before or belief).omega,

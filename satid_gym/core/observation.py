@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from satid_gym.core.algebra import add, cross, inverse, multiply
-from satid_gym.core.belief import attitude, filters, modes
+from satid_gym.core.belief import attitude, filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import ObservationForm
@@ -43,12 +43,14 @@ def layout(
     mode_count: int = 0,
     actions: int | None = None,
     tells_attitude: bool = False,
+    tells_walk: bool = False,
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
-    numbers, n where None; `tells_attitude` whether the filter estimates the attitude.
+    numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random walk
+    of the inertia that it uses is observed.
     """
     body = form == "body"
     sizes = {
@@ -68,6 +70,8 @@ def layout(
         sizes["nis"], sizes["modes"] = 1, mode_count * sum(MODE_PARTS.values())
     if tells_attitude:
         sizes["attitude_uncertainty"], sizes["attitude_age"] = 3, 1
+    if tells_walk:
+        sizes["inertia_walk"] = 1
     if others > 0:
         states = others + p
         sizes["state_uncertainty"] = others
@@ -141,6 +145,8 @@ def observe(belief, task, gyro, tachometer, out):
         i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 1.0, 0.0)))
         i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 0.0, 1.0)))
         i = _write(out, i, belief.attitude.age / decision_period)
+    if task.tells_walk != 0:
+        i = _write(out, i, _log_share(whiteness.inertia_walk(belief)))
     if i < out.shape[0]:
         _observe_covariance(belief, task, out, i)
 

@@ -46,6 +46,7 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("deflection_weight", FLOAT),
             ("effort_weight", FLOAT),
             ("observation", INT),  # an ObservationForm
+            ("tells_walk", INT),  # whether the filter's walk of the inertia is observed
             ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected
             ("nis_count", INT),  # of these readings
             ("command", FLOAT, actions),  # previous action

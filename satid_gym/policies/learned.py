@@ -28,7 +28,18 @@ from satid_gym.problem import CONTROLS
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_HEAD = ("format", "name", "control", "margin", "include_covariance", "observation", "activation", "squashed", "sha256")
+_HEAD = (
+    "format",
+    "name",
+    "control",
+    "margin",
+    "include_covariance",
+    "observation",
+    "include_walk",
+    "activation",
+    "squashed",
+    "sha256",
+)
 _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
 
@@ -107,10 +118,11 @@ class LearnedPolicy:
         include_covariance: whether the network's observations include the filter's whole covariance.
         details: its training and scores; kept in the JSON file.
         observation: form of the network's observations, "wheels" or "body".
+        include_walk: whether they include the random walk of the inertia that the filter uses.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, the margin is not a finite
-            number of at least 0, include_covariance is not a bool, or a network that commands rates has other than 3
+            number of at least 0, include_covariance or include_walk is not a bool, or a network that commands rates has other than 3
             outputs.
     """
 
@@ -125,6 +137,7 @@ class LearnedPolicy:
         include_covariance: bool = False,
         details: Mapping[str, Any] | None = None,
         observation: Form = "wheels",
+        include_walk: bool = False,
     ) -> None:
         if control not in CONTROLS:
             raise unknown_name("control of a learned policy", control, CONTROLS)
@@ -136,6 +149,7 @@ class LearnedPolicy:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
         check_name(name)
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
+        self.include_walk = check_flag("include_walk of a learned policy", include_walk)
         self.name, self.network, self.control, self.margin = name, network, control, margin
         self.details = dict(details or {})
 
@@ -155,7 +169,7 @@ class LearnedPolicy:
             raise ValueError(
                 f"policy {self.name} takes observations of {expected} numbers, this environment gives {size}: it must "
                 "have as many wheels and inertia parameters as the one it was trained on, and "
-                f"include_covariance={self.include_covariance}"
+                f"include_covariance={self.include_covariance} and include_walk={self.include_walk}"
             )
         if self.control == "torque" and mission.control == "rate":
             raise ValueError(
@@ -184,7 +198,7 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        own = (self.name, self.control, self.margin, self.include_covariance, self.observation)
+        own = (self.name, self.control, self.margin, self.include_covariance, self.observation, self.include_walk)
         values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
@@ -220,7 +234,7 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            return cls(*own, details, head.get("observation", "wheels"))
+            return cls(*own, details, head.get("observation", "wheels"), head.get("include_walk", False))
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from satid_gym.config import check_number
+from satid_gym.config import check_flag, check_number
 from satid_gym.control.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.gym_api import seed_stream
@@ -30,7 +30,8 @@ class MPCPolicy:
         steps: integration steps of the forecast per decision.
         edits: changes of the plan tried per decision.
         margin: margin of the rate loop, see `RateLoop`.
-        walk: inertia walk of the forecast, per sqrt(s), if the scenario's filter is an AdaptiveEKF.
+        walk: inertia walk of the forecast, per sqrt(s), if the scenario's filter is adaptive.
+        include_walk: whether the forecast takes in its place the walk that the filter uses at the time, observed.
 
     Raises:
         ValueError: horizon, steps or edits is not an integer of at least 1, or margin or walk is negative.
@@ -46,12 +47,14 @@ class MPCPolicy:
         edits: int = 24,
         margin: float = PLANNING_MARGIN,
         walk: float = ADAPTIVE_WALK,
+        include_walk: bool = False,
     ) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps, edits)):
             raise ValueError(
                 f"horizon, steps and edits must be integers of at least 1, got {horizon!r}, {steps!r} and {edits!r}"
             )
         self.horizon, self.steps, self.edits = horizon, steps, edits
+        self.include_walk = check_flag("include_walk", include_walk)
         self.margin, self.walk = check_number("margin", margin), check_number("walk", walk)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:

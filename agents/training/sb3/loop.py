@@ -48,6 +48,7 @@ def environment(settings: RLSettings) -> RateCommandVecEnv:
         include_covariance=s.include_covariance,
         control=s.actions,
         observation=s.observation,
+        include_walk=s.include_walk,
     )
 
 
