@@ -54,6 +54,8 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the last two parts, with which
     all of the filter's covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque
     (MomentumEKF, adaptive or not, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
+    `include_walk=True` puts one number before these two parts, `inertia_walk`: log10(random walk of each moment over
+    its scale that the filter uses, per sqrt(s)) + 2; -10 where it is 0.
 
     | name | size | meaning |
     |---|---|---|

@@ -82,8 +82,8 @@ class Policy(Protocol):
     """Choice of actions for a batch of episodes that run side by side.
 
     A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance, one
-    whose attribute `observation` is "body" the form of that name, and one with a true attribute `include_walk` the random
-    walk of the inertia that the filter uses.
+    whose attribute `observation` is "body" the form of that name, and one with a true attribute `include_walk` the
+    random walk of the inertia that the filter uses.
 
     Attributes:
         name: what tables call it.

@@ -101,14 +101,18 @@ def test_it_flies_with_the_covariance():
     assert not np.allclose(errors[1], narrow, rtol=1e-2)
 
 
-def test_files_keep_whether_the_covariance_is_observed(tmp_path):
-    LearnedPolicy("x", network(inputs=WHOLE), "rate", 2.4, include_covariance=True).save(tmp_path / "x")
+def test_files_keep_what_is_observed(tmp_path):
+    policy = LearnedPolicy("x", network(inputs=WHOLE + 1), "rate", 2.4, include_covariance=True, include_walk=True)
+    policy.save(tmp_path / "x")
     assert find(str(tmp_path / "x")).include_covariance is True
+    assert find(str(tmp_path / "x")).include_walk is True
     head = json.loads((tmp_path / "x.json").read_text())
     assert head.pop("include_covariance") is True
+    assert head.pop("include_walk") is True
     (tmp_path / "x.json").write_text(json.dumps(head))  # as files of before it was asked
     again = find(str(tmp_path / "x"))
     assert again.include_covariance is False
+    assert again.include_walk is False
     assert again.details == {}
 
 

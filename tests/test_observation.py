@@ -415,6 +415,39 @@ def test_both_checkers_and_the_vector_in_the_body_frame(satellite, more):
         one, both = env.step(action)[0], many.step(np.array([action, action]))[0]
 
 
+@cases("more", [{}, {"include_covariance": True}, {"observation": "body"}])
+def test_the_filters_walk_is_observed(more):
+    """What the adaptive filter has found of the inertia's walk, as info tells it, in both environments."""
+    settings = {"inertia": "periodic", "include_walk": True, **more}
+    env, many = SatInertiaIDEnv(**settings), SatInertiaIDVectorEnv(2, **settings)
+    without = SatInertiaIDEnv(**{**settings, "include_walk": False})
+    assert env.observation_space.shape[0] == without.observation_space.shape[0] + 1
+    place, seen = env.layout["inertia_walk"].start, []
+    (one, _), (both, _) = env.reset(seed=8), many.reset(seed=7)
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        np.testing.assert_array_equal(one, both[1])
+        action = rng.uniform(-0.5, 0.5, 3).astype(np.float32)
+        (one, *_, info), both = env.step(action), many.step(np.array([action, action]))[0]
+        assert one[place] == pytest.approx(np.log10(info["inertia_walk"]) + 2.0, abs=1e-6)
+        seen.append(one[place])
+    assert len(set(seen)) > 10, "it is found anew"
+
+
+def test_mpc_plans_with_the_walk_that_it_observes():
+    env = SatInertiaIDVectorEnv(2, inertia="periodic", include_walk=True)
+    policy = build("mpc", {"include_walk": True, "edits": 1})
+    assert policy.include_walk
+    policy.reset(missions(env.problem)[0], [4, 5])
+    observation, _ = env.reset(seed=4)
+    for _ in range(5):
+        observation, *_, info = env.step(policy(observation))
+    policy(observation)
+    beliefs = policy._planner.beliefs
+    planned = beliefs["walk"][:, 3:6] / beliefs["theta_scale"]
+    np.testing.assert_allclose(planned, np.tile(info["inertia_walk"], (3, 1)).T, rtol=1e-5)
+
+
 def test_what_needs_each_wheel_refuses_the_body_frame():
     """Policies of both loops say so before a flight; what looks at no observation flies the same."""
     (mission,) = missions(problem(observation="body", include_covariance=True))

@@ -1,4 +1,4 @@
-"""Ray: a command's tasks on a cluster give the bits of a local run, also where a machine is lost, and go on after a stop."""
+"""Ray: tasks on a cluster give the bits of a local run, also where a machine is lost, and go on after a stop."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def command(monkeypatch, main, line):
 
 
 def test_no_cluster():
-    with pytest.raises(cluster.UserError, match="no Ray cluster at '127.0.0.1:1' .*or give --ray local"):
+    with pytest.raises(cluster.UserError, match=r"no Ray cluster at '127.0.0.1:1' .*or give --ray local"):
         list(cluster.each(np.add, [(1, 2)], "127.0.0.1:1"))
 
 
@@ -146,5 +146,5 @@ def test_a_command_goes_on_with_what_it_has(machines, tmp_path):
 
 def test_other_sources_are_refused(machines, monkeypatch):
     monkeypatch.setattr(cluster, "sources", lambda: "other")
-    with pytest.raises(RuntimeError, match="has other sources in .*: install the same revision on every machine"):
+    with pytest.raises(RuntimeError, match=r"has other sources in .*: install the same revision on every machine"):
         list(cluster.each(np.add, [(1, 2)], "auto"))

@@ -49,8 +49,8 @@ def layout(
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
-    numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random walk
-    of the inertia that it uses is observed.
+    numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
+    walk of the inertia that it uses is observed.
     """
     body = form == "body"
     sizes = {

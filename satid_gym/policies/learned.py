@@ -28,18 +28,8 @@ from satid_gym.problem import CONTROLS
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_HEAD = (
-    "format",
-    "name",
-    "control",
-    "margin",
-    "include_covariance",
-    "observation",
-    "include_walk",
-    "activation",
-    "squashed",
-    "sha256",
-)
+_OWN = ("name", "control", "margin", "include_covariance", "observation", "include_walk")
+_HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
 
@@ -122,8 +112,8 @@ class LearnedPolicy:
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, the margin is not a finite
-            number of at least 0, include_covariance or include_walk is not a bool, or a network that commands rates has other than 3
-            outputs.
+            number of at least 0, include_covariance or include_walk is not a bool, or a network that commands rates
+            has other than 3 outputs.
     """
 
     kind: Kind = "learned"
@@ -198,8 +188,13 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        own = (self.name, self.control, self.margin, self.include_covariance, self.observation, self.include_walk)
-        values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
+        values = (
+            FORMAT,
+            *(getattr(self, name) for name in _OWN),
+            self.network.activation,
+            self.network.squashed,
+            digest,
+        )
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
         write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
