@@ -61,8 +61,7 @@ class Quieter:
 
     def __init__(self, policy: Policy, factor: float) -> None:
         self.name, self.kind = policy.name, policy.kind
-        asked = observation_settings(policy)
-        self.include_covariance, self.observation = asked["include_covariance"], asked["observation"]
+        vars(self).update(observation_settings(policy))
         self._policy, self._factor = policy, factor
 
     def reset(self, mission: Any, seeds: Sequence[int]) -> None:

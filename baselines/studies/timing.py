@@ -35,7 +35,7 @@ class TimedPolicy:
     def __init__(self, policy: Policy) -> None:
         self.policy, self.name = policy, policy.name
         self.kind: Kind = policy.kind
-        self.include_covariance, self.observation = observation_settings(policy).values()
+        vars(self).update(observation_settings(policy))  # it observes what that policy asks for
         self.times: list[float] = []
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
