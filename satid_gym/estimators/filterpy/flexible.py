@@ -59,14 +59,14 @@ class FlexibleModel(CalibratedModel):
 
     def spin_errors(self, x: np.ndarray, a: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """C (3, size): also -d dp - dJ'(eta) omega deta - (d (deta/dt - d . omega) + D eta omega) dlog |d|."""
-        rigid = super().spin_errors(x, a, omega)
-        columns = np.zeros((3, 5 * len(self.modes)))
+        columns = super().spin_errors(x, a, omega)
         for i, mode in enumerate(self.modes):
             (eta, p, *_), d, slope = self.mode(x, i)
-            columns[:, 5 * i] = -(slope + 2.0 * eta * mode.inertia_curvature) @ omega
-            columns[:, 5 * i + 1] = -d
-            columns[:, 5 * i + 3] = -d * (p - 2.0 * d @ omega) - slope @ omega * eta
-        return np.hstack([rigid[:, : self.first_mode], columns, rigid[:, self.first_mode :]])
+            at = self.first_mode + 5 * i
+            columns[:, at] = -(slope + 2.0 * eta * mode.inertia_curvature) @ omega
+            columns[:, at + 1] = -d
+            columns[:, at + 3] = -d * (p - 2.0 * d @ omega) - slope @ omega * eta
+        return columns
 
     def start(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance after the first reading: the modes at rest against the body."""
