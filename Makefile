@@ -42,7 +42,7 @@ test-reach:  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and
 	test -x .venv-reach/bin/python || $(PYTHON) -m venv .venv-reach
 	grep -E "^(numpy|scipy|numba|llvmlite|torch|stable_baselines3|hypothesis|pytest|pytest-xdist|tyro)=" constraints.txt > .venv-reach/constraints.txt
 	if .venv-reach/bin/python -m pip install --quiet --constraint .venv-reach/constraints.txt --editable ".[reach]" 2> .venv-reach/pip.log; \
-	then .venv-reach/bin/python -m pytest --numprocesses auto --dist loadfile -m reach; \
+	then .venv-reach/bin/python -m pytest --numprocesses auto --dist loadfile tests/test_reach_*.py; \
 	elif grep "No matching distribution" .venv-reach/pip.log; then echo "test-reach skipped: this registry lacks a package"; \
 	else cat .venv-reach/pip.log; exit 1; fi
 

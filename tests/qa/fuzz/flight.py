@@ -232,12 +232,14 @@ class _Log:
         An update takes P h (P h)^T / S, S = 1 + h P h, from P, once for each whitened reading. Its entries are rounded
         relative to the variances that the episode came from; those of P h relative to sum |h_k| std_k, which exceeds
         sqrt(S) where the parts of h P h cancel, as where a nearly noiseless gyro knows a combination of M and theta
-        far better than either.
+        far better than either. An update in errors of the rate takes P through two more products, to the new rate
+        and inertia and back.
         """
         fresh = np.flatnonzero(self.tasks["decision"] == 0)
         widest = np.concatenate([np.maximum.accumulate(part) for part in np.split(variance, fresh) if len(part)])
         shrunk = np.max(widest / np.where(variance > 0.0, variance, np.inf), axis=1)
-        return np.finfo(float).eps * variance.shape[1] * (shrunk + self._reach(np.sqrt(variance)))
+        products = 3 if self.beliefs[0]["rate_coordinates"] != 0 else 1
+        return products * np.finfo(float).eps * variance.shape[1] * (shrunk + self._reach(np.sqrt(variance)))
 
     def _reach(self, std: np.ndarray) -> np.ndarray:
         """(rows,) upper bound of sum |h_k| std_k over the readings, wherever the filter linearised them.
