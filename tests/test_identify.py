@@ -12,6 +12,7 @@ from baselines.identification.recorded import CUBESAT, clean_log, drawn, motion,
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.identification import NotIdentifiedError, SlipError, identify
 from satid_gym.identification.record import record
+from satid_gym.identification.spikes import without_spikes
 from satid_gym.identification.variation import Step, is_of_a_satellite
 from satid_gym.telemetry import Log, read_log, read_logs
 from satid_gym.telemetry.units import RPM
@@ -170,6 +171,39 @@ def test_tachometer_faults_are_left_out_and_named():
     (note,) = [note for note in found.notes if "at 50 s" in note]
     assert note.startswith("log: wheel 3 reads +2")
     assert "tachometer fault" in note
+
+
+def test_spikes_are_left_out_before_the_fit_and_said():
+    """A tachometer's 1e4 rad/s for what was lost, on up to three rows, and a gyro's spikes: once 90 % were unexplained."""
+    truth, log = clean(2)
+    rng = np.random.default_rng(0)
+    rate, speed = log.rate.copy(), log.wheel_speed.copy()
+    rows = rng.choice(np.arange(100, 1900, 10), 40, replace=False)
+    speed[rows[:20], rng.integers(0, 3, 20)] = 1e4
+    speed[1950:1953, 1] = -1e4
+    rate[rows[20:], rng.integers(0, 3, 20)] += 0.3
+    rate[50], speed[50] = 10.0, 1e4  # a row that is lost altogether
+    found = identify(dataclasses.replace(log, rate=rate, wheel_speed=speed), CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    assert "log: 23 spikes of the gyro left out, the largest of 10 rad/s" in found.notes
+    assert len(found.flights[0].faults) == 26
+    assert {fault.wheel for fault in found.flights[0].faults} == {1, 2, 3}
+    assert sum("tachometer faults or stale readings, left out" in note for note in found.notes) == 3
+
+
+def test_a_motion_of_one_reading_is_no_spike():
+    """A jerk between two readings shows in gyro and wheels; in the gyro alone no motor of the satellite made it."""
+    time = 0.1 * np.arange(2000)
+    rate, speed = np.zeros((2000, 3)), np.zeros((2000, 3))
+    rate[:, 0], speed[:, 0] = 0.02 * np.sin(time), -15.0 * np.sin(time)
+    rate[1000, 0], speed[1000, 0] = 0.1, -75.0
+    jerk = Log(time=time, rate=rate, wheel_speed=speed)
+    assert without_spikes([jerk], CUBESAT) == ([jerk], [])
+    speed[1000, 0] = 15.0
+    (cleaned,), faults = without_spikes([Log(time=time, rate=rate, wheel_speed=speed)], CUBESAT)
+    assert cleaned.notes == ("1 spikes of the gyro left out, the largest of 0.1 rad/s",)
+    assert np.isnan(cleaned.rate).sum() == 1
+    assert faults == []
 
 
 def test_a_wrong_number_of_wheels_is_refused(pyramid):

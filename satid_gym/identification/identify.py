@@ -14,13 +14,14 @@ from satid_gym.estimators.batch.second_moment import nearest_physical
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes
 from satid_gym.identification.estimate import Estimated, estimate, theta_sizes
-from satid_gym.identification.faults import tachometer_faults
+from satid_gym.identification.faults import fault_notes, tachometer_faults
 from satid_gym.identification.faults import without as without_faults
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flights import FlightReport, flight_reports, folds
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
 from satid_gym.identification.rows import ROWS_MIN
 from satid_gym.identification.slips import check_attitude, check_fit
+from satid_gym.identification.spikes import without_spikes
 from satid_gym.identification.variation import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
 from satid_gym.satellite import Satellite
@@ -101,8 +102,9 @@ def identify(
                 f"{own.wheels.count} wheels; name the columns of its wheels, or its wheels' axes"
             )
     sizes = theta_sizes(own)
-    _check_motion(logs, own)
     _check_windows(logs, window)
+    logs, faults = without_spikes(logs, own)
+    _check_motion(logs, own)
     logs = check_attitude(logs)
     estimated: Estimated | None
     try:
@@ -111,8 +113,8 @@ def identify(
         estimated = None
     doubt = check_fit(logs, own, window, sizes, estimated)
     assert estimated is not None  # check_fit has raised
-    if faults := tachometer_faults(estimated, own.wheels):
-        logs = without_faults(logs, faults)
+    if found_by_fit := tachometer_faults(estimated, own.wheels):
+        logs, faults = without_faults(logs, found_by_fit), [*faults, *found_by_fit]
         estimated = estimate(logs, own, window)
     straight = estimate(logs, own, window, straight=True).fit.theta
     without = folds(logs, own, window)
@@ -135,7 +137,7 @@ def identify(
         *([f"residuals are not white: {white.autocorrelation:+.2f} from one reading to the next"] * (not white.white)),
         *([_ALONE] * (len(estimated.windows) == 1)),
         *([f"formal standard deviations are inflated by {inflation:.2g}"] * (inflation > INFLATION_MIN)),
-        *(f"{logs[fault.flight].name}: {fault}" for fault in faults),
+        *fault_notes(logs, faults),
         *reading_notes(logs),
     ]
     rotor = own.wheels.inertia[0]
