@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -73,7 +73,7 @@ class Log:
 
     def rows(self, keep: np.ndarray) -> Self:
         """The log with the rows (N,) that are to be kept only."""
-        there = {name: getattr(self, name) for name in CHANNELS}
+        there: dict[str, Any] = {name: getattr(self, name) for name in CHANNELS}
         kept = {name: value if value is None else value[keep] for name, value in there.items()}
         return replace(self, time=self.time[keep], **kept)
 
