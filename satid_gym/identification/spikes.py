@@ -32,7 +32,7 @@ def without_spikes(logs: Sequence[Log], satellite: Satellite) -> tuple[list[Log]
     cleaned, faults = [], []
     for number, log in enumerate(logs):
         rate, speed = _spikes_of(log, satellite)
-        notes = ()
+        notes: tuple[str, ...] = ()
         if count := int(np.isfinite(rate).sum()):
             largest = float(np.abs(log.rate[np.isfinite(rate)]).max())
             notes = (f"{count} spikes of the gyro left out, the largest of {largest:.3g} rad/s",)

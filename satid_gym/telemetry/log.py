@@ -73,8 +73,8 @@ class Log:
 
     def rows(self, keep: np.ndarray) -> Self:
         """The log with the rows (N,) that are to be kept only."""
-        there: dict[str, Any] = {name: getattr(self, name) for name in CHANNELS}
-        kept = {name: value if value is None else value[keep] for name, value in there.items()}
+        there = {name: getattr(self, name) for name in CHANNELS}
+        kept: dict[str, Any] = {name: value if value is None else value[keep] for name, value in there.items()}
         return replace(self, time=self.time[keep], **kept)
 
     def __len__(self) -> int:
