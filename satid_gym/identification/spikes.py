@@ -99,6 +99,7 @@ def _range(values: np.ndarray) -> np.ndarray:
     """(n,) of nearly all readings of each column."""
     found = np.zeros(values.shape[1])
     there = np.isfinite(values).any(axis=0)
-    low, high = np.nanquantile(values[:, there], _NEARLY_ALL, axis=0)
-    found[there] = high - low
+    if there.any():
+        low, high = np.nanquantile(values[:, there], _NEARLY_ALL, axis=0)
+        found[there] = high - low
     return found
