@@ -11,7 +11,8 @@ from baselines.identification.coverage import KINDS, coverage, distances
 from baselines.identification.recorded import CUBESAT, clean_log, drawn, motion, write_downlink
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.identification import NotIdentifiedError, SlipError, identify
-from satid_gym.identification.record import record
+from satid_gym.identification.record import lines, record
+from satid_gym.identification.spikes import without_spikes
 from satid_gym.identification.variation import Step, is_of_a_satellite
 from satid_gym.telemetry import Log, read_log, read_logs
 from satid_gym.telemetry.units import RPM
@@ -51,6 +52,8 @@ def test_the_truth_is_found_to_a_thousandth_and_within_the_claim():
     assert [p.name for p in found.parameters] == ["Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz", "delay of wheel speeds"]
     assert [p.value for p in found.parameters[:6]] == inertia_parameters(found.inertia, "full").tolist()
     assert [p.std for p in found.parameters[:6]] == np.sqrt(np.diag(found.covariance)).tolist()
+    assert found.flights[0].told.shape == (len(found.flights[0].time), 6)
+    np.testing.assert_allclose(found.flights[0].told.sum(axis=0), 1.0)
     assert 0.05 < found.flights[0].predicted < 0.3  # a tachometer's noise of 0.1 rad/s, and the gyro's
 
 
@@ -170,6 +173,76 @@ def test_tachometer_faults_are_left_out_and_named():
     (note,) = [note for note in found.notes if "at 50 s" in note]
     assert note.startswith("log: wheel 3 reads +2")
     assert "tachometer fault" in note
+
+
+def test_spikes_are_left_out_before_the_fit_and_said():
+    """A tachometer's 1e4 rad/s for what was lost, on up to three rows, and a gyro's spikes."""
+    truth, log = clean(2)
+    rng = np.random.default_rng(0)
+    rate, speed = log.rate.copy(), log.wheel_speed.copy()
+    rows = rng.choice(np.arange(100, 1900, 10), 40, replace=False)
+    speed[rows[:20], rng.integers(0, 3, 20)] = 1e4
+    speed[1950:1953, 1] = -1e4
+    rate[rows[20:], rng.integers(0, 3, 20)] += 0.3
+    rate[50], speed[50] = 10.0, 1e4  # a row that is lost altogether
+    found = identify(dataclasses.replace(log, rate=rate, wheel_speed=speed), CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    assert "log: 23 spikes of the gyro left out, the largest of 10 rad/s" in found.notes
+    assert len(found.flights[0].faults) == 26
+    assert {fault.wheel for fault in found.flights[0].faults} == {1, 2, 3}
+    assert sum("tachometer faults or stale readings, left out" in note for note in found.notes) == 3
+
+
+def test_a_motion_of_one_reading_is_no_spike():
+    """A jerk between two readings shows in gyro and wheels; in the gyro alone no motor of the satellite made it."""
+    time = 0.1 * np.arange(2000)
+    rate, speed = np.zeros((2000, 3)), np.zeros((2000, 3))
+    rate[:, 0], speed[:, 0] = 0.02 * np.sin(time), -15.0 * np.sin(time)
+    rate[1000, 0], speed[1000, 0] = 0.1, -75.0
+    jerk = Log(time=time, rate=rate, wheel_speed=speed)
+    assert without_spikes([jerk], CUBESAT) == ([jerk], [])
+    speed[1000, 0] = 15.0
+    (cleaned,), faults = without_spikes([Log(time=time, rate=rate, wheel_speed=speed)], CUBESAT)
+    assert cleaned.notes == ("1 spikes of the gyro left out, the largest of 0.1 rad/s",)
+    assert np.isnan(cleaned.rate).sum() == 1
+    assert faults == []
+
+
+def test_torque_from_outside_that_is_known_is_taken_into_account():
+    """Magnetorquers a hundred times the data sheet's disturbance, turned on and off."""
+    truth, rng = CUBESAT.replace(inertia=[0.05, 0.04, 0.011]), np.random.default_rng(2)
+    pushed = 1e-4 * np.sign(np.sin(np.arange(1000)[:, None] / [31.0, 47.0, 71.0]))
+    torque = 3e-4 * np.repeat(rng.choice([-1.0, 1.0], (20, 3)), 50, axis=0)
+    flown, parts, state = satid_gym.simulate(truth, torque[:1], 0.1, disturbance=pushed[0]), [], {}
+    parts.append((flown.omega[0], flown.wheel_speed[0]))
+    for k in range(1000):
+        flown = satid_gym.simulate(truth, torque[k : k + 1], 0.1, disturbance=pushed[k], **state)
+        state = {"omega0": flown.omega[-1], "wheel_speed0": flown.wheel_speed[-1], "attitude0": flown.attitude[-1]}
+        parts.append((flown.omega[-1], flown.wheel_speed[-1]))
+    rate, speed = (np.array(part) for part in zip(*parts, strict=True))
+    held = (np.arange(1001) + 0.5).clip(0, 999).astype(int)
+    log = Log(
+        time=0.1 * np.arange(1001),
+        rate=rate + 1e-4 * rng.normal(size=rate.shape),
+        wheel_speed=speed + 0.1 * rng.normal(size=speed.shape),
+        torque=0.5 * (pushed[held] + pushed[np.maximum(held - 1, 0)]),
+        motor_torque=torque[held],
+    )
+    found = identify(log, CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    blind = identify(dataclasses.replace(log, torque=None), CUBESAT)
+    assert found.flights[0].predicted < 0.3 * blind.flights[0].predicted
+    rotors = [p for p in found.parameters if p.name.startswith("rotor inertia of wheel")]
+    assert [p.value for p in rotors] == pytest.approx([5.7e-5] * 3, rel=0.02)
+    assert not any("by its motor's torque" in note for note in found.notes)
+    assert sum(line.startswith("rotor inertia of wheel") for line in lines(found)) == 3
+    other = CUBESAT.replace(wheels=CUBESAT.wheels.replace(inertia=5e-5))
+    notes = identify(log, other).notes
+    assert any(
+        note.startswith("rotor inertia of wheel 2 is 5.") and "5e-05 in the data sheet" in note for note in notes
+    )
+    with pytest.raises(SlipError, match="motor_torque=-Nm"):
+        identify(dataclasses.replace(log, motor_torque=-torque[held]), CUBESAT)
 
 
 def test_a_wrong_number_of_wheels_is_refused(pyramid):

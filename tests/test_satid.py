@@ -68,6 +68,7 @@ def test_units_on_the_command_line_and_a_slip_that_is_named(flight, tmp_path, ca
             "--units takes ROLE=VALUE, got 'rate'",
         ),
         (["fly", "--policy", "nobody"], "unknown policy"),
+        (["export", "--policy", "rate-square"], "Did you mean 'rate_square'"),
         (["fly", "--satellite", "nothing"], "unknown satellite 'nothing'"),
         (["fly", "--picture", "a.gif"], "--picture takes a file that ends in .png"),
         (["fly", "--video", "a.avi"], "--video takes a file that ends in .mp4 or .gif"),
@@ -87,6 +88,15 @@ def test_fly_prints_a_flight(capsys):
     assert lines[0] == "cubesat, rate_square, seed 1"
     assert len(lines) == 12
     assert float(lines[-1].split()[2].rstrip("%")) < 0.1
+
+
+def test_rate_square_flies_a_satellite_that_it_was_not_tuned_for(flight, capsys):
+    assert main(["fly", "--satellite", str(flight / "sat.json"), "--policy", "rate_square", "--inertia", "static"]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0] == "threeu, rate_square, seed 0"
+    assert float(shown[-1].split()[2].rstrip("%")) < 1.0
+    assert main(["fly", "--satellite", str(flight / "sat.json"), "--policy", "sine"]) == 2
+    assert "rate_square flies any satellite" in capsys.readouterr().err
 
 
 def test_fly_writes_picture_video_and_page(tmp_path, monkeypatch, capsys):
@@ -118,9 +128,12 @@ def test_compare_and_train_lead_to_the_checkout(monkeypatch, capsys):
     assert "part of the checkout and not of the library" in capsys.readouterr().err
 
 
-@cases("command", ["design", "identify", "fly"])
-def test_help_has_examples(command, capsys):
+@cases("command", ["design", "identify", "fly", "export"])
+def test_help_has_examples_and_fits_a_terminal(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     with pytest.raises(SystemExit) as caught:
         main([command, "--help"])
     assert caught.value.code == 0
-    assert f"examples:\n  satid {command}" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert f"examples:\n  satid {command}" in shown
+    assert max(map(len, shown.splitlines())) <= 80

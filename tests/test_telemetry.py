@@ -241,3 +241,18 @@ def test_a_log_checks_itself():
         Log(time=TIME, rate=RATE, wheel_speed=SPEED[:, :2])
     with pytest.raises(ValueError, match="increase from row to row"):
         Log(time=TIME[::-1], rate=RATE, wheel_speed=SPEED)
+
+
+def test_torques_are_read_where_they_are_named_and_never_guessed(tmp_path):
+    path = tmp_path / "a.csv"
+    head = "t,gx,gy,gz,w1,w2,w3,mx [mNm],my [mNm],mz [mNm],tau_1_Nm,tau_2_Nm,tau_3_Nm"
+    np.savetxt(path, np.arange(52.0).reshape(4, 13), delimiter=",", header=head, comments="")
+    assert read_log(path).torque is None
+    named = {"torque": ["mx", "my", "mz"], "motor_torque": ["tau_1", "tau_2", "tau_3"]}
+    named |= {"rate": ["gx", "gy", "gz"], "wheel_speed": ["w1", "w2", "w3"], "time": "t"}
+    log = read_log(path, columns=named)
+    np.testing.assert_allclose(log.torque[0], [7e-3, 8e-3, 9e-3])
+    np.testing.assert_allclose(log.motor_torque[:, 2], [12.0, 25.0, 38.0, 51.0])
+    np.testing.assert_allclose(read_log(path, named, {"motor_torque": "-mNm"}).motor_torque[0], [-0.01, -0.011, -0.012])
+    with pytest.raises(ValueError, match="unit of torque 'rpm'"):
+        read_log(path, named, {"torque": "rpm"})

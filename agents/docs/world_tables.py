@@ -132,7 +132,18 @@ def basilisk_table(results: Mapping[str, Any]) -> str:
     said = "Microsat, static inertia, {episodes} validation episodes of 300 s a cell; revision ".format(
         **results["settings"]
     )
-    said += (
-        f"{results['revision'][:7]}. Where both truths model the same, {within} of {len(close)} ratios are within 5 %."
+    said += f"{results['revision'][:7]}{_later(cells)}. Where both truths model the same, {within} of {len(close)} "
+    return table(head, rows, text_columns=2) + "\n\n" + said + "ratios are within 5 %."
+
+
+def _later(cells: Sequence[Cell]) -> str:
+    """Which cells were flown again, or first, at a revision of their own."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for cell in cells:
+        if "revision" in cell:
+            found.setdefault(cell["revision"], {}).setdefault(cell["row"], []).append(f"`{cell['policy']}`")
+    named = (
+        f"; of {revision[:7]} " + "; ".join(f"{row}: {', '.join(own)}" for row, own in rows.items())
+        for revision, rows in found.items()
     )
-    return table(head, rows, text_columns=2) + "\n\n" + said
+    return "".join(named)

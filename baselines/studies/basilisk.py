@@ -61,6 +61,7 @@ ROWS: Mapping[str, Row] = {
     "gyro bias 1e-4 rad/s": Row(world=WORLDS["gyro bias 1e-4 rad/s"]),
     "gyro scale 1 %": Row(world=WORLDS["gyro scale 1 %"]),
     "all small errors": Row(world=WORLDS["all small errors"]),
+    "star tracker, gyro bias 1e-4 rad/s": Row(world=WORLDS["tracker, bias 1e-4 rad/s"]),
 }
 """What is flown, by name."""
 

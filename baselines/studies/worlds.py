@@ -11,6 +11,7 @@ import numpy as np
 from satid_gym.appendages import panel_pair
 from satid_gym.friction import WheelFriction
 from satid_gym.oscillators import SloshMass
+from satid_gym.policies.rate_square import untuned_rate_square
 from satid_gym.policies.registry import NotPreparedError, build, make_baseline
 from satid_gym.policy import Policy
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
@@ -189,7 +190,7 @@ def policy_for(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
     except NotPreparedError:
         limit = satellite.rate_limit * np.mean(np.diag(satellite.inertia)) / np.min(satellite.wheels.max_torque)
     if name == "rate_square":
-        return build(name, {"period": max(12.0, min(20.0 * limit, scenario.horizon / 4.0)), "margin": 2.5})
+        return untuned_rate_square(satellite, scenario.horizon)
     pushes = {"one_step": scenario.horizon / 3.0, "multi_step": scenario.horizon / 6.0, "sine": _SINE_QUARTER}
     if name not in pushes:
         raise ValueError(f"{name} has no settings for {satellite.name} over {scenario.horizon:g} s")

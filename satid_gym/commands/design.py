@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from satid_gym.commands.words import as_typed
+from satid_gym.commands.words import HelpFormatter, as_typed
 from satid_gym.config import check_number
 from satid_gym.files import check_writable, write_bytes, write_json, write_text
 from satid_gym.manoeuvres import Effort, KeepOut, design
 from satid_gym.manoeuvres.record import csv, lines, record
 from satid_gym.problem import CONTROLS
+from satid_gym.resolution import resolve_scenario
+from satid_gym.scenario import Scenario
 
 _EXAMPLES = """examples:
   satid design microsat
@@ -23,7 +25,7 @@ _EXAMPLES = """examples:
   satid design sat.toml --turn-limit 30 --keep-out 0,0,1:1,0,0:35
 
 A keep-out is BORESIGHT:DIRECTION:DEGREES, both in the body frame as the manoeuvre begins; write --keep-out=-1,0,0:...
-where it begins with a minus sign.
+where it begins with a minus sign. With the default search it takes minutes.
 """
 
 
@@ -35,12 +37,18 @@ def add(parts: Any) -> None:
         description="Design the manoeuvre that tells a satellite's inertia best, from rest to rest, within the limits "
         "of its data sheet.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpFormatter,
     )
     own.add_argument("satellite", help="data sheet: name, .toml or .json file")
     own.add_argument("--duration", type=float, default=300.0, metavar="S", help="s from rest to rest; default 300")
     own.add_argument(
         "--accuracy", type=float, metavar="STD", help="asked of every moment, relative; default: as good as can be"
+    )
+    own.add_argument(
+        "--uncertainty",
+        type=float,
+        metavar="STD",
+        help="of the data sheet's moments of inertia, relative; default: the scenario's, 0.15",
     )
     own.add_argument("--returns", action="store_true", help="end in the attitude in which it began")
     own.add_argument("--turn-limit", type=float, metavar="DEG", help="largest angle from that attitude")
@@ -72,7 +80,7 @@ def run(given: argparse.Namespace) -> int:
         returns=given.returns,
         turn_limit=None if given.turn_limit is None else np.radians(given.turn_limit),
         keep_outs=keep_outs,
-        scenario=given.scenario,
+        scenario=_world(given.scenario, given.uncertainty),
         control=given.control,
         effort=Effort(rounds=given.rounds, seed=given.seed),
         progress=lambda line: print(f"{line} ...", file=sys.stderr, flush=True),
@@ -96,6 +104,16 @@ def run(given: argparse.Namespace) -> int:
         written += ["design.png", "design.html"]
     print(f"\nwritten to {given.output}: {', '.join(written)}")
     return 0
+
+
+def _world(scenario: str, uncertainty: float | None) -> Scenario:
+    """The scenario whose inertia is so uncertain; the filter's prior is wider by what it is wider in the scenario."""
+    world = resolve_scenario(scenario)
+    if uncertainty is None:
+        return world
+    check_number("--uncertainty", uncertainty, strict=True, high=1.0)
+    wider = world.prior_std / world.inertia_std if world.inertia_std > 0.0 else 2.0
+    return world.replace(inertia_std=uncertainty, prior_std=wider * uncertainty)
 
 
 def _keep_out(word: str) -> KeepOut:

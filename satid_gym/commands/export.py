@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from satid_gym.commands.words import HelpFormatter
 from satid_gym.files import check_writable
 from satid_gym.flightcode import write
 from satid_gym.flightcode.measure import measures
@@ -14,7 +15,7 @@ from satid_gym.problem import CONTROLS
 
 _EXAMPLES = """examples:
   satid export --output flightcode
-  satid export --satellite sat.toml --policy rate_square --control rate --output flightcode --measure
+  satid export --satellite sat.toml --policy rate_square --measure
   make -C flightcode
 """
 
@@ -26,7 +27,7 @@ def add(parts: Any) -> None:
         help="filter, policy and rate loop as C99",
         description="Write C99 without allocation of what Pilot flies, with test vectors of a flight.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpFormatter,
     )
     own.add_argument("--satellite", default="microsat", help="name or file; default microsat")
     own.add_argument(

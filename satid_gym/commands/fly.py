@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 
 from satid_gym import metrics
-from satid_gym.commands.words import as_typed
+from satid_gym.commands.words import HelpFormatter, as_typed
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.files import check_writable, write_bytes, write_text
 from satid_gym.html_page import document, image, table, video
@@ -28,7 +28,7 @@ _EXAMPLES = """examples:
   satid fly
   satid fly --satellite sat.toml --policy generalist --inertia step --seed 3
   satid fly --satellite cubesat --policy rate_square --picture flight.png
-  satid fly --scenario flex --policy shaped_square --control rate --video flight.mp4 --page flight.html
+  satid fly --scenario flex --policy shaped_square --control rate --page a.html
   satid fly --satellite sat.toml --policy design/design.json --control rate
 """
 _INERTIA = "static, step, drift, periodic, random, or file; deployment, fuel, release (not the learned policies)"
@@ -45,7 +45,7 @@ def add(parts: Any) -> None:
         description="Fly one episode and show how error, uncertainty and rates go. Picture, video and page need "
         'pip install ".[render]" in the checkout.',
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpFormatter,
     )
     own.add_argument("--satellite", default="microsat", help="name or file; default microsat")
     own.add_argument(
@@ -71,7 +71,7 @@ def run(given: argparse.Namespace) -> int:
     """
     drawn = _check_outputs(given)
     env = SatInertiaIDEnv(given.satellite, given.inertia, given.scenario)
-    policy = policy_by_name(given.policy, only_mission(env.problem).satellite.name, env.problem.scenario.name)
+    policy = policy_by_name(given.policy, only_mission(env.problem).satellite, env.problem.scenario)
     env = SatInertiaIDEnv(
         given.satellite,
         given.inertia,

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from satid_gym.commands.words import as_typed
+from satid_gym.commands.words import HelpFormatter, as_typed
 from satid_gym.files import check_writable, write_bytes, write_json, write_text
 from satid_gym.identification import identify
 from satid_gym.identification.record import lines, record, variation_lines
@@ -17,7 +17,8 @@ _EXAMPLES = """examples:
   satid identify flight.csv --satellite microsat
   satid identify flights/ --satellite sat.toml --output results
   satid identify flight.csv --satellite microsat --varying
-  satid identify a.parquet b.parquet --satellite sat.toml --columns time=unix_s rate=gx,gy,gz wheel_speed=w1,w2,w3 \\
+  satid identify a.parquet b.parquet --satellite sat.toml \\
+      --columns time=unix_s rate=gx,gy,gz wheel_speed=w1,w2,w3 \\
       --units rate=deg/s wheel_speed=rpm
 
 A file is one flight; a folder is one flight if it holds files, and so is each folder below it. Without --columns and
@@ -33,12 +34,16 @@ def add(parts: Any) -> None:
         description="Identify the inertia tensor from recorded gyro and wheel speeds, with intervals whose coverage is "
         "tested.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpFormatter,
     )
     own.add_argument("log", nargs="+", type=Path, metavar="LOG", help="CSV or Parquet file, or folder")
     own.add_argument("--satellite", required=True, help="name, .toml or .json file: wheels as built, nominal inertia")
     own.add_argument(
-        "--columns", nargs="+", default=[], metavar="ROLE=NAMES", help="roles: time, rate, wheel_speed, attitude"
+        "--columns",
+        nargs="+",
+        default=[],
+        metavar="ROLE=NAMES",
+        help="roles: time, rate, wheel_speed, attitude, torque (on the body, from outside), motor_torque",
     )
     own.add_argument("--units", nargs="+", default=[], metavar="ROLE=UNIT", help="such as rate=deg/s wheel_speed=-rpm")
     own.add_argument("--window", type=float, default=40.0, help="s that share a momentum and a torque; default 40")
@@ -57,7 +62,8 @@ def run(given: argparse.Namespace) -> int:
     units = dict(_pairs("units", given.units))
     check_writable(given.output)
     logs = read_logs(given.log, columns or None, units)
-    print(f"{len(logs)} flights, {sum(map(len, logs))} readings; identifying ...", file=sys.stderr)
+    flights = f"{len(logs)} flight{'s' * (len(logs) > 1)}"
+    print(f"{flights}, {sum(map(len, logs))} readings; identifying ...", file=sys.stderr)
     found = identify(logs, given.satellite, window=given.window, varying=given.varying)
     print("\n".join(lines(found)))
     if found.variation is not None:

@@ -1,10 +1,20 @@
-"""Words of a command line as pages and records show them."""
+"""Words of a command line: its help at the terminal's width, and the command as pages and records show it."""
 
 from __future__ import annotations
 
+import argparse
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
+
+
+class HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Help whose paragraphs are filled to the terminal's width, but for those that hold commands, indented by two."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        fill = argparse.HelpFormatter._fill_text
+        parts = [part if "\n  " in part else fill(self, part, width, indent) for part in text.strip().split("\n\n")]
+        return "\n\n".join(parts)
 
 
 def as_typed(arguments: Sequence[str]) -> str:

@@ -14,6 +14,7 @@ from satid_gym.telemetry import Log
 
 _TIMES = 30.0  # the robust size of the residuals
 _ALONE = 3.0  # times as large as what that wheel alone leaves unexplained
+_NAMED = 3  # faults of a wheel in a flight, up to which each has a line of its own
 _CLOCK = 1e8  # s: stamps beyond it are seconds since 1970
 
 
@@ -65,4 +66,20 @@ def without(logs: Sequence[Log], faults: Sequence[TachometerFault]) -> list[Log]
             if fault.flight == number:
                 speed[log.time == fault.time, fault.wheel - 1] = np.nan
         found.append(replace(log, wheel_speed=speed))
+    return found
+
+
+def fault_notes(logs: Sequence[Log], faults: Sequence[TachometerFault]) -> list[str]:
+    """A line for each fault; of many of one wheel in one flight there is one line."""
+    found = []
+    for flight, wheel in sorted({(fault.flight, fault.wheel) for fault in faults}):
+        mine = [fault for fault in faults if (fault.flight, fault.wheel) == (flight, wheel)]
+        if len(mine) <= _NAMED:
+            found += [f"{logs[flight].name}: {fault}" for fault in mine]
+        else:
+            worst = max((fault.excess for fault in mine), key=abs)
+            found.append(
+                f"{logs[flight].name}: wheel {wheel} reads up to {worst:+.3g} rad/s off in {len(mine)} readings: "
+                "tachometer faults or stale readings, left out"
+            )
     return found

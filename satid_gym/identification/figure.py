@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe and Ito's, for all eyes
+_STRIPS = 240  # of time, over all flights
 _FLIGHTS_MAX = 12  # that have a place of their own in the bars
 
 
@@ -30,8 +31,8 @@ def png(found: Identification) -> bytes:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ValueError('for the figure and the page, pip install ".[telemetry]" in the checkout') from error
-    figure = Figure(figsize=(11.0, 11.5), layout="constrained")
-    top, middle, bottom = np.ravel(np.array(figure.subfigures(3, 1, height_ratios=[1.5, 1.0, 0.8])))
+    figure = Figure(figsize=(11.0, 13.5), layout="constrained")
+    top, middle, lower, bottom = np.ravel(np.array(figure.subfigures(4, 1, height_ratios=[1.5, 1.0, 0.7, 0.8])))
     for k, axes in enumerate(np.ravel(top.subplots(2, 3))):
         if found.variation is None:
             _estimate(axes, found, k)
@@ -43,6 +44,7 @@ def png(found: Identification) -> bytes:
     _legend(top)
     _residuals(middle.subplots(), found)
     _legend(middle, markerscale=3)
+    _told(lower.subplots(), found)
     _shares(bottom.subplots(), found)
     out = io.BytesIO()
     figure.savefig(out, dpi=110, format="png")
@@ -124,12 +126,41 @@ def _residuals(axes: Axes, found: Identification) -> None:
         sizes.append(np.abs(flight.residual[~out]).ravel())
     for edge in edges[:-1]:
         axes.axvline(edge, color="0.8", linewidth=0.8)
+    axes.margins(x=0.0)
     if sizes and (size := np.concatenate(sizes)).size:
         reach = 1.8 * float(np.quantile(size, 0.99))
         axes.set_ylim(-reach, reach)
     axes.set_title(
         f"wheel speed, measured minus momentum balance, rad/s; grey crosses: weight below {OUTLIER:g}", fontsize=10
     )
+    axes.set_xlabel("time in flights 1, 2, ... one after the other, s", fontsize=9)
+    axes.tick_params(labelsize=8)
+
+
+def _told(axes: Axes, found: Identification) -> None:
+    """What each second told: share of the information about each parameter a second, over its largest."""
+    length = sum(float(flight.time[-1] - flight.time[0]) for flight in found.flights if len(flight.time) > 1)
+    start, tables, edges = 0.0, [], []
+    for flight in found.flights:
+        if len(flight.time) < 2:
+            continue
+        span = float(flight.time[-1] - flight.time[0])
+        bins = max(1, min(round(_STRIPS * span / length), len(flight.time) // 2))
+        bounds = np.linspace(flight.time[0], flight.time[-1], bins + 1)
+        which = np.clip(np.searchsorted(bounds, flight.time, side="right") - 1, 0, bins - 1)
+        table = np.zeros((bins, 6))
+        np.add.at(table, which, flight.told)
+        tables.append(table / max(span / bins, 1e-300))
+        edges.append(start + bounds - bounds[0])
+        start += 1.02 * span
+    known = np.array([parameter.determined for parameter in found.parameters[:6]])
+    largest = np.max([table.max(axis=0) for table in tables], axis=0) if tables else np.ones(6)
+    for table, bounds in zip(tables, edges, strict=True):
+        shown = np.where(known, table / np.maximum(largest, 1e-300), np.nan)
+        axes.pcolormesh(bounds, np.arange(7), shown.T, cmap="Blues", vmin=0.0, vmax=1.0)
+    axes.set_yticks(np.arange(6) + 0.5, NAMES)
+    axes.invert_yaxis()
+    axes.set_title("what each second told of each parameter; dark: most", fontsize=10)
     axes.set_xlabel("time in flights 1, 2, ... one after the other, s", fontsize=9)
     axes.tick_params(labelsize=8)
 

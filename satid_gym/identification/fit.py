@@ -33,6 +33,7 @@ class FlightShare:
         information: (6, 6) about theta, 1 / (kg m^2)^2.
         scores: (W, 6) of each window at the estimate, 1 / (kg m^2).
         expected: (W, 6, 6) covariance of the scores if the noise is white and as large as found.
+        told: of each window, (N, 6) what each instant adds to the diagonal of `expected`.
         common: (m,) gyro bias g, rad/s, torque b, N m, and delays, s.
         common_std: (m,) formal standard deviations.
     """
@@ -40,6 +41,7 @@ class FlightShare:
     information: np.ndarray
     scores: np.ndarray
     expected: np.ndarray
+    told: list[np.ndarray]
     common: np.ndarray
     common_std: np.ndarray
 
@@ -177,6 +179,7 @@ def _solve(
             information=0.5 * (information + information.T),
             scores=np.array([z.T @ (p.target - p.design @ unknown) for z, p in zip(blind, parts, strict=True)]),
             expected=expected,
+            told=[(z**2).reshape(-1, 3, 6).sum(axis=1) for z in blind],
             common=common,
             common_std=np.sqrt(np.abs(np.diag(np.linalg.pinv(matrix))[6:])),
         )

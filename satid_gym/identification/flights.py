@@ -32,6 +32,7 @@ class FlightReport:
         share: (6,) of the information about each parameter.
         delays: (2,) s, of wheel speeds and of attitude; NaN where there is none.
         time: (N,) s, of the residuals.
+        told: (N, 6) share of the information about each parameter that each of these instants gave.
         residual: (N, n) wheel speeds as measured less as balanced, rad/s.
         predicted: rad/s, robust size of the same with theta of the other flights (of the other parts of a single log);
             NaN where there are no others.
@@ -48,6 +49,7 @@ class FlightReport:
     share: np.ndarray
     delays: np.ndarray
     time: np.ndarray
+    told: np.ndarray
     residual: np.ndarray
     predicted: float
     signal: float
@@ -93,6 +95,7 @@ def flight_reports(
     fit, sizes = estimated.fit, theta_sizes(satellite)
     flown = sorted({row.flight for row in estimated.windows})
     total = np.sum([np.diag(share.information) for share in fit.flights], axis=0)
+    told = np.maximum(np.sum([rows.sum(axis=0) for share in fit.flights for rows in share.told], axis=0), 1e-300)
     predicted = _predictions(parts_of(logs, window), satellite, window, without)
     found = []
     for number, log in enumerate(logs):
@@ -114,6 +117,7 @@ def flight_reports(
                 share=information / np.maximum(total, 1e-300),
                 delays=np.where(np.isfinite(estimated.delays_std[number]), estimated.delays[number], np.nan),
                 time=np.concatenate(times) if times else np.zeros(0),
+                told=np.concatenate(fit.flights[flown.index(number)].told) / told if mine else np.zeros((0, 6)),
                 residual=np.concatenate(wheels) if wheels else np.zeros((0, satellite.wheels.count)),
                 predicted=_size(
                     predicted[number] if len(logs) > 1 else [r for rows in predicted.values() for r in rows]

@@ -14,13 +14,15 @@ from satid_gym.estimators.batch.second_moment import nearest_physical
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes
 from satid_gym.identification.estimate import Estimated, estimate, theta_sizes
-from satid_gym.identification.faults import tachometer_faults
+from satid_gym.identification.faults import fault_notes, tachometer_faults
 from satid_gym.identification.faults import without as without_faults
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flights import FlightReport, flight_reports, folds
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
+from satid_gym.identification.rotors import rotor_inertias, rotor_notes, rotor_tolerance
 from satid_gym.identification.rows import ROWS_MIN
 from satid_gym.identification.slips import check_attitude, check_fit
+from satid_gym.identification.spikes import without_spikes
 from satid_gym.identification.variation import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
 from satid_gym.satellite import Satellite
@@ -42,7 +44,8 @@ class Identification:
             flights say, and the tolerance of the rotors' inertia.
         over_rotor: (3, 3) inertia over the first wheel's rotor inertia, which alone is observable.
         over_rotor_covariance: (6, 6) of it.
-        parameters: the six, and how late wheel speeds and attitude are stamped against the gyro.
+        parameters: the six, how late wheel speeds and attitude are stamped against the gyro, and the rotors' inertia
+            where their motors' torque was recorded.
         flights: what each flight told.
         inflation: factor on the formal standard deviations.
         scatter: variance between windows, and between flights, over what white noise gives.
@@ -101,8 +104,9 @@ def identify(
                 f"{own.wheels.count} wheels; name the columns of its wheels, or its wheels' axes"
             )
     sizes = theta_sizes(own)
-    _check_motion(logs, own)
     _check_windows(logs, window)
+    logs, faults = without_spikes(logs, own)
+    _check_motion(logs, own)
     logs = check_attitude(logs)
     estimated: Estimated | None
     try:
@@ -111,8 +115,8 @@ def identify(
         estimated = None
     doubt = check_fit(logs, own, window, sizes, estimated)
     assert estimated is not None  # check_fit has raised
-    if faults := tachometer_faults(estimated, own.wheels):
-        logs = without_faults(logs, faults)
+    if found_by_fit := tachometer_faults(estimated, own.wheels):
+        logs, faults = without_faults(logs, found_by_fit), [*faults, *found_by_fit]
         estimated = estimate(logs, own, window)
     straight = estimate(logs, own, window, straight=True).fit.theta
     without = folds(logs, own, window)
@@ -127,6 +131,7 @@ def identify(
     theta[~known] = np.nan
     covariance[~known] = covariance[:, ~known] = np.nan
     delays = delays_of(logs, estimated, inflation)
+    rotors = rotor_inertias(logs, own, window)
     white = whiteness(fit)
     notes = [
         *([f"the data do not tell {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
@@ -135,16 +140,17 @@ def identify(
         *([f"residuals are not white: {white.autocorrelation:+.2f} from one reading to the next"] * (not white.white)),
         *([_ALONE] * (len(estimated.windows) == 1)),
         *([f"formal standard deviations are inflated by {inflation:.2g}"] * (inflation > INFLATION_MIN)),
-        *(f"{logs[fault.flight].name}: {fault}" for fault in faults),
+        *rotor_notes(rotors, own),
+        *fault_notes(logs, faults),
         *reading_notes(logs),
     ]
     rotor = own.wheels.inertia[0]
-    rotors = _rotors(logs, own, window, estimated)
-    whole = covariance + rotors
+    tolerance = rotor_tolerance(logs, own, window, estimated)
+    whole = covariance + tolerance
     varied = None
     if varying:
         apart = fit.theta - straight
-        varied = variation(logs, own, window, estimated, whole, np.outer(apart, apart) + rotors)
+        varied = variation(logs, own, window, estimated, whole, np.outer(apart, apart) + tolerance)
         notes += _variation_notes(varied, logs)
     inertia, std = inertia_tensors(theta), np.sqrt(np.diag(whole))
     moments = (Parameter(name=n, value=float(v), std=float(s)) for n, v, s in zip(NAMES, theta, std, strict=True))
@@ -154,7 +160,7 @@ def identify(
         covariance=whole,
         over_rotor=inertia / rotor,
         over_rotor_covariance=covariance / rotor**2,
-        parameters=(*moments, *delays),
+        parameters=(*moments, *delays, *rotors),
         flights=tuple(flight_reports(logs, own, window, estimated, without, faults)),
         inflation=inflation,
         scatter=scatter(fit),
@@ -174,16 +180,6 @@ def _variation_notes(varied: Variation, logs: Sequence[Log]) -> list[str]:
         "long rest, or a fault of a sensor or its stamps): the inertia over time is not told"
         for flight, time in varied.doubted
     ]
-
-
-def _rotors(logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated) -> np.ndarray:
-    """Covariance (6, 6) of theta by the tolerance of each rotor: theta with one rotor at a time off."""
-    found, wheels, tolerance = np.zeros((6, 6)), satellite.wheels, satellite.tolerances.wheel_inertia
-    for off in tolerance * np.eye(wheels.count) if tolerance > 0.0 else ():
-        built = satellite.replace(wheels=wheels.replace(inertia=wheels.inertia * (1.0 + off)))
-        move = estimate(logs, built, window).fit.theta - estimated.fit.theta
-        found += np.outer(move, move)
-    return found
 
 
 def _names(which: np.ndarray) -> str:

@@ -30,7 +30,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
         ),
         f"<p>Rotor: {found.satellite.wheels.inertia[0]:.4g} kg m², as given; only inertia over rotor inertia is "
         "observable.</p>",
-        image(picture, "Estimates by flight, residuals, share of information"),
+        image(picture, "Estimates by flight, residuals, what each second and each flight told"),
         *_over_time(found),
         "<h2>Flights</h2>",
         table(

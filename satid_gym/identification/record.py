@@ -147,6 +147,8 @@ def lines(found: Identification) -> Iterator[str]:
         cells = (*rounded(parameter.value, parameter.std), *rounded(over[places[name]], std[k]))
         yield f"{name:5s}{cells[0]:>14s}{cells[1]:>12s}{cells[2]:>14s}{cells[3]:>10s}"
     yield ""
+    for rotor in (p for p in found.parameters[6:] if p.name.startswith("rotor") and p.determined):
+        yield f"{rotor.name}, by its motor's torque: {rotor.value:.4g} +- {rotor.std:.1g} kg m^2"
     yield f"{'flight':28s}{'rows':>7s}{'used':>7s}{'outliers':>10s}{'pred. error':>13s}{'speed std':>11s}, rad/s"
     for flight in found.flights:
         predicted = f"{flight.predicted:13.2f}" if np.isfinite(flight.predicted) else f"{'-':>13s}"

@@ -3,12 +3,13 @@
 With C the attitude (body to inertial), a = A j Omega and J omega = L(omega) theta, the momentum of a window of some
 tens of seconds is that of a constant external torque:
 
-    L(omega) theta + a - J g + C^T (p x D g) - C^T D b + d_w da/dt + d_a omega x h = C^T (H + tau (t - t_mean))
+    L(omega) theta + a - J g + C^T (p x D g) - C^T D b + d_w da/dt + d_a omega x h = C^T (H + tau (t - t_mean) + K)
 
-with h = J omega + a and D the integral of C dt. What differs from window to window is H and a torque tau in inertial
-space; a flight has in common g, the gyro's bias, a torque b in the body, and d_w, d_a, how late wheel speeds and
-attitude are stamped against the gyro. Without attitude C is integrated from the gyro, in windows that no gap
-interrupts, and g turns it: p is the window's mean momentum, C h. With attitude there is no such term.
+with h = J omega + a, D the integral of C dt, and K that of C times the torque on the body that is known, where the log
+has it. What differs from window to window is H and a torque tau in inertial space; a flight has in common g, the
+gyro's bias, a torque b in the body, and d_w, d_a, how late wheel speeds and attitude are stamped against the gyro.
+Without attitude C is integrated from the gyro, in windows that no gap interrupts, and g turns it: p is the window's
+mean momentum, C h. With attitude there is no such term.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Window:
         regressor: (N, 3, 6) L(omega), rad/s.
         common: (N, 3, m) columns of what is common to a flight: g, b, d_w and, where attitude is measured, d_a.
         own: (N, 3, 6) columns of H and of tau times the window's length.
-        target: (N, 3) -a, N m s.
+        target: (N, 3) -a, and what a known torque has added to the momentum, N m s.
         motion: (N, 3) change of the momentum for a second's error of a stamp, N m.
         instrument: (N, 3, 6) L of the rate that the readings before and after give for the instant.
     """
@@ -89,7 +90,7 @@ def windows_of(
         straight: whether wheel speeds run on straight lines between readings, instead of splines.
         breaks: s of the log's clock; instants at which a window ends.
     """
-    channels = [log.rate, log.wheel_speed] + ([] if log.attitude is None else [log.attitude])
+    channels = [log.rate, log.wheel_speed, *(part for part in (log.attitude, log.torque) if part is not None)]
     good = np.isfinite(np.hstack(channels)).all(axis=1)
     time, omega = log.time - log.time[0], log.rate - bias
     speed, change = _shifted(time, log.wheel_speed, good, delays[0], straight)
@@ -99,6 +100,8 @@ def windows_of(
     broken = np.isin(np.arange(len(index)), np.searchsorted(log.time[index], breaks))[1:]
     if log.attitude is None:
         broken |= _lost(time[index], omega[index], log.interval)
+    elif log.torque is not None:  # nobody knows what it was in a gap
+        broken |= np.diff(time[index]) > GAP * log.interval
     for part in _parts(time[index], broken, length, log.interval):
         rows = index[part]
         if len(rows) < ROWS_MIN:
@@ -114,8 +117,10 @@ def windows_of(
         turning = np.cross(w, matrix @ theta + a)
         lag = [slope] if log.attitude is None else [slope, turning]
         back = attitude.transpose(0, 2, 1)
-        impulse = np.zeros_like(attitude)
-        impulse[1:] = np.cumsum(0.5 * np.diff(t)[:, None, None] * (attitude[1:] + attitude[:-1]), axis=0)
+        impulse = _integral(t, attitude)
+        known = np.zeros_like(w)
+        if log.torque is not None:
+            known = np.einsum("nij,nj->ni", back, _integral(t, np.einsum("nij,nj->ni", attitude, log.torque[rows])))
         offset = np.tile(-inertia_tensors(theta), (len(t), 1, 1))
         if log.attitude is None:  # a bias turns the integrated attitude, too
             momentum = np.einsum("nij,nj->ni", attitude, matrix @ theta + a).mean(axis=0)
@@ -130,11 +135,19 @@ def windows_of(
                 regressor=matrix,
                 common=np.concatenate([body, np.stack(lag, axis=2)], axis=2),
                 own=np.concatenate([back, back * since], axis=2),
-                target=-a,
+                target=known - a,
                 instrument=regressor(_between(t, w)),
                 motion=np.hypot(slope, turning) if log.attitude is not None else np.abs(slope),
             )
         )
+    return found
+
+
+def _integral(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Integral of values (N, ...) from the first instant on, by trapezoids."""
+    steps = np.diff(time).reshape(-1, *[1] * (values.ndim - 1))
+    found = np.zeros_like(values)
+    found[1:] = np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)
     return found
 
 

@@ -4,18 +4,35 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from satid_gym.config import unknown_name
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.policies import BASELINES, RATE_BASELINES, find, make_baseline, names
+from satid_gym.policies.rate_square import RateSquarePolicy, untuned_rate_square
+from satid_gym.policies.registry import NotPreparedError
 from satid_gym.policy import Policy
+from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
 
 
-def policy_by_name(name: str, satellite: str, scenario: str) -> Policy:
-    """Policy by name, by path, or by the path of a design.json.
+def policy_by_name(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
+    """Policy by name, by path, or by the path of a design.json; rate_square for any satellite, tuned or not.
 
     Raises:
-        ValueError: there is none, or a baseline is not tuned for the satellite.
+        ValueError: there is none, or another baseline is not tuned for the satellite.
     """
     if name.endswith(".json") and not Path(name).with_suffix(".safetensors").exists():
         return ManoeuvrePolicy.read(Path(name))
-    is_baseline = name in {**BASELINES, **RATE_BASELINES} and name not in names()
-    return make_baseline(name, satellite, scenario) if is_baseline else find(name)
+    baselines = {**BASELINES, **RATE_BASELINES}
+    if name in baselines and name not in names():
+        try:
+            return make_baseline(name, satellite.name, scenario.name)
+        except NotPreparedError as error:
+            if name == RateSquarePolicy.name:
+                return untuned_rate_square(satellite, scenario.horizon)
+            raise ValueError(f"{error}; rate_square flies any satellite") from error
+    try:
+        return find(name)
+    except ValueError as error:
+        if isinstance(error.__cause__, FileNotFoundError):  # the baselines are names, too
+            raise unknown_name("policy (no such file either)", name, [*names(), *baselines]) from error
+        raise

@@ -68,7 +68,7 @@ class Pilot:
                 f"a pilot flies one data sheet, and {satellite!r} in scenario {world.name!r} stands for "
                 f"{len(given.satellites)}: give one of the environment's, env.unwrapped.problem.satellites"
             )
-        self.policy: Policy = policy_by_name(policy, own.name, world.name) if isinstance(policy, str) else policy
+        self.policy: Policy = policy_by_name(policy, own, world) if isinstance(policy, str) else policy
         self.problem = given.replace(**observation_settings(self.policy))
         (self.mission,) = missions(self.problem)
         self.patience = 3.0 * world.decision_period if patience is None else check_number("patience", patience)

@@ -13,7 +13,10 @@ import numpy as np
 from satid_gym.config import check_number
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.policy import Kind, Mission
+from satid_gym.satellite import Satellite
 
+_PERIOD_MIN, _REACH, _PERIODS_MIN = 12.0, 20.0, 4.0  # s; times what it takes to the rate limit; of a horizon
+_MARGIN = 2.5
 _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period
 
 
@@ -47,3 +50,9 @@ class RateSquarePolicy:
         side = np.where(np.mod(phase, 1.0) < 0.5, 1.0, -1.0)
         self._decision += 1
         return self._loop(observation, np.broadcast_to(side, (len(observation), 3)))
+
+
+def untuned_rate_square(satellite: Satellite, horizon: float) -> RateSquarePolicy:
+    """With settings that follow from the data sheet, for a satellite that it was not tuned for; `horizon` in s."""
+    reached = satellite.rate_limit * np.mean(np.diag(satellite.inertia)) / np.min(satellite.wheels.max_torque)
+    return RateSquarePolicy(max(_PERIOD_MIN, min(float(_REACH * reached), horizon / _PERIODS_MIN)), _MARGIN)

@@ -6,13 +6,14 @@ import re
 from collections.abc import Mapping, Sequence
 
 from satid_gym.config import check_names
+from satid_gym.telemetry.log import CHANNELS
 from satid_gym.telemetry.tables import Column
 
-ROLES = ("time", "rate", "wheel_speed", "attitude")
+ROLES = ("time", *CHANNELS)
 HOW = (
     "--columns time=unix_s rate=gx,gy,gz wheel_speed=w1,w2,w3 "
     '(Python: columns={"time": "unix_s", "rate": ["gx", "gy", "gz"], "wheel_speed": ["w1", "w2", "w3"]}), '
-    "with attitude where there is one"
+    "with attitude, torque and motor_torque where there are any"
 )
 _AXIS = re.compile(r"^(.*?)[\s_.\-\[]*([xyzws]|\d)\]?$")
 _TIME = {"time", "timestamp", "t", "unix", "epoch", "utc", "date", "datetime", "stamp", "seconds"}
@@ -43,7 +44,7 @@ def choose(columns: Sequence[Column], named: Mapping[str, str | Sequence[str]] |
     for role, size in (("time", 1), ("rate", 3), ("wheel_speed", 3)):
         if len(found.get(role, [])) < size:
             raise ValueError(f"found no columns for {role} among {_listed(columns)}; say which: {HOW}")
-    for role, size in (("rate", 3), ("attitude", 4)):
+    for role, size in (("rate", 3), ("attitude", 4), ("torque", 3)):
         if role in found and len(found[role]) != size:
             names = [column.header for column in found[role]]
             raise ValueError(f"{role} takes {size} columns, found {names} among {_listed(columns)}; say which: {HOW}")

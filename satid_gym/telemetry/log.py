@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+CHANNELS = ("rate", "wheel_speed", "attitude", "torque", "motor_torque")
 GAP = 2.5  # intervals longer than so many medians are gaps
 
 
@@ -19,6 +20,9 @@ class Log:
         rate: (N, 3) gyro, rad/s, body frame.
         wheel_speed: (N, n) relative to the body, rad/s.
         attitude: (N, 4) quaternion, body to inertial, scalar last, or None.
+        torque: (N, 3) torque on the body from outside that is known, such as magnetorquers' or thrusters', N m, body
+            frame, or None.
+        motor_torque: (N, n) of the motors on the wheels, N m, or None; the body feels the opposite.
         name: what pages call the flight.
         notes: what was found while reading, a line each: units taken, rows left out, gaps.
 
@@ -30,11 +34,13 @@ class Log:
     rate: np.ndarray
     wheel_speed: np.ndarray
     attitude: np.ndarray | None = None
+    torque: np.ndarray | None = None
+    motor_torque: np.ndarray | None = None
     name: str = "log"
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("time", "rate", "wheel_speed", "attitude"):
+        for name in ("time", *CHANNELS):
             if getattr(self, name) is not None:
                 value = np.array(getattr(self, name), dtype=float)
                 object.__setattr__(self, name, value if name == "time" else np.where(np.isfinite(value), value, np.nan))
@@ -47,8 +53,10 @@ class Log:
             raise ValueError(
                 f"wheel_speed of a log must have shape ({count}, n) with n >= 3, got {self.wheel_speed.shape}"
             )
-        if self.attitude is not None and self.attitude.shape != (count, 4):
-            raise ValueError(f"attitude of a log must have shape ({count}, 4) or be None, got {self.attitude.shape}")
+        for name, width in (("attitude", 4), ("torque", 3), ("motor_torque", self.wheel_speed.shape[1])):
+            value = getattr(self, name)
+            if value is not None and value.shape != (count, width):
+                raise ValueError(f"{name} of a log must have shape ({count}, {width}) or be None, got {value.shape}")
         if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0.0).any():
             raise ValueError("time of a log must be finite and increase from row to row; read_log sees to that")
 
@@ -65,10 +73,9 @@ class Log:
 
     def rows(self, keep: np.ndarray) -> Self:
         """The log with the rows (N,) that are to be kept only."""
-        attitude = None if self.attitude is None else self.attitude[keep]
-        return replace(
-            self, time=self.time[keep], rate=self.rate[keep], wheel_speed=self.wheel_speed[keep], attitude=attitude
-        )
+        there = {name: getattr(self, name) for name in CHANNELS}
+        kept: dict[str, Any] = {name: value if value is None else value[keep] for name, value in there.items()}
+        return replace(self, time=self.time[keep], **kept)
 
     def __len__(self) -> int:
         return len(self.time)

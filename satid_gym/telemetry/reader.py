@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from satid_gym.config import check_names, unknown_name
 from satid_gym.telemetry.columns import ROLES, choose, scalar_first
 from satid_gym.telemetry.log import GAP, Log
 from satid_gym.telemetry.tables import ENDINGS, Column, read_table
-from satid_gym.telemetry.units import ORDERS, factor
+from satid_gym.telemetry.units import ALLOWED, ORDERS, factor
 
 PathText = str | PathLike[str]
 Columns = Mapping[str, str | Sequence[str]]
@@ -30,7 +31,8 @@ def read_log(
     Args:
         paths: one file, several files of one flight, or a folder of them.
         columns: names by role, such as {"time": "unix_s", "rate": ["gx", "gy", "gz"], "wheel_speed": ["w1", "w2",
-            "w3"], "attitude": ["qx", "qy", "qz", "qw"]}; None: by common names.
+            "w3"], "attitude": ["qx", "qy", "qz", "qw"]}, also "torque" and "motor_torque" (see `Log`), which are never
+            guessed; None: by common names.
         units: by role, such as {"rate": "deg/s", "wheel_speed": "rpm", "time": "ms", "attitude": "scalar first"}; a
             minus sign turns the sign: "-rpm".
 
@@ -49,7 +51,7 @@ def read_log(
     time, rate = channels.pop("rate")
     held = {role: _at(time, *channel) for role, channel in channels.items()}
     name = Path(given[0]).name if len(given) == 1 else Path(given[0]).parent.name or "log"
-    return _ordered(time, rate, held["wheel_speed"], held.get("attitude"), name, notes)
+    return _ordered(time, {"rate": rate, **held}, name, notes)
 
 
 def read_logs(
@@ -100,7 +102,7 @@ def _in_units(role: str, columns: list[Column], units: Mapping[str, str], notes:
     elif len(own) > 1:
         raise ValueError(f"the columns of {role} have the units {sorted(map(str, own))}, expected one for all")
     else:
-        unit = own.pop() or {"time": "s"}.get(role, "rad/s")
+        unit = own.pop() or ALLOWED[role][0]
         said = "as files say" if columns[0].unit else "for want of a unit in the files"
         note = f"{role} taken as {unit}, {said}"
         if note not in notes:  # each file has a clock
@@ -159,14 +161,7 @@ def _at(wanted: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.where(inside[:, None], between, np.nan)
 
 
-def _ordered(
-    time: np.ndarray,
-    rate: np.ndarray,
-    wheel_speed: np.ndarray,
-    attitude: np.ndarray | None,
-    name: str,
-    notes: list[str],
-) -> Log:
+def _ordered(time: np.ndarray, channels: Mapping[str, np.ndarray], name: str, notes: list[str]) -> Log:
     """Log with stamps that increase."""
     keep = np.flatnonzero(np.isfinite(time))
     if len(keep) < len(time):
@@ -178,8 +173,8 @@ def _ordered(
     if not fresh.all():
         notes.append(f"{int((~fresh).sum())} rows repeat a stamp and are left out")
     keep = keep[fresh]
-    channels = np.hstack([rate, wheel_speed] if attitude is None else [rate, wheel_speed, attitude])[keep]
-    stale = np.concatenate([[False], (np.diff(channels, axis=0) == 0.0).all(axis=1)])[: len(keep)]
+    sensed = np.hstack([channels[role] for role in ("rate", "wheel_speed", "attitude") if role in channels])[keep]
+    stale = np.concatenate([[False], (np.diff(sensed, axis=0) == 0.0).all(axis=1)])[: len(keep)]
     if stale.any():
         notes.append(f"{int(stale.sum())} rows repeat the readings of the row before and are left out")
     keep = keep[~stale]
@@ -188,20 +183,16 @@ def _ordered(
             f"{name}: expected two rows with stamps of their own or more, found {len(keep)}; time is one column of "
             "numbers, or of dates with their time of day such as 2026-01-31T12:00:00.5"
         )
-    if attitude is not None:
-        norm = np.linalg.norm(attitude, axis=1, keepdims=True)
-        attitude = np.where(np.abs(norm - 1.0) < 0.1, attitude / np.where(norm > 0.0, norm, 1.0), np.nan)[keep]
-    log = Log(time=time[keep], rate=rate[keep], wheel_speed=wheel_speed[keep], attitude=attitude, name=name)
+    kept = {role: values[keep] for role, values in channels.items()}
+    if "attitude" in kept:
+        norm = np.linalg.norm(kept["attitude"], axis=1, keepdims=True)
+        kept["attitude"] = np.where(
+            np.abs(norm - 1.0) < 0.1, kept["attitude"] / np.where(norm > 0.0, norm, 1.0), np.nan
+        )
+    log = Log(time=time[keep], name=name, **kept)
     lost = int((~np.isfinite(np.hstack([log.rate, log.wheel_speed])).all(axis=1)).sum())
     if lost:
         notes.append(f"{lost} of {len(log)} rows have cells without a number")
     if log.gaps:
         notes.append(f"{len(log.gaps)} gaps, the longest of {max(gap for _, gap in log.gaps):.3g} s")
-    return Log(
-        time=log.time,
-        rate=log.rate,
-        wheel_speed=log.wheel_speed,
-        attitude=log.attitude,
-        name=name,
-        notes=tuple(notes),
-    )
+    return replace(log, notes=tuple(notes))

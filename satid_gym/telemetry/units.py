@@ -15,17 +15,22 @@ _NAMES: dict[str, tuple[float, tuple[str, ...]]] = {
     "mrad/s": (1e-3, ("mrads",)),
     "deg/s": (DEGREE, ("degs", "dps", "degps")),
     "rpm": (RPM, ("revmin", "umin", "1min")),
+    "Nm": (1.0, ("newtonmeter", "newtonmetre")),
+    "mNm": (1e-3, ()),
+    "uNm": (1e-6, ()),
     "s": (1.0, ("unix", "unixs")),
     "ms": (1e-3, ("millis",)),
     "us": (1e-6, ("micros",)),
     "ns": (1e-9, ("nanos",)),
 }
 _SHORT = {"°": "deg", "degrees": "deg", "degree": "deg", "µ": "u", "per": "", "seconds": "s", "second": "s", "sec": "s"}
-SPEEDS, TIMES = ("rad/s", "mrad/s", "deg/s", "rpm"), ("s", "ms", "us", "ns")
-ALLOWED = {"time": TIMES, "rate": SPEEDS, "wheel_speed": SPEEDS}
+SPEEDS, TIMES, TORQUES = ("rad/s", "mrad/s", "deg/s", "rpm"), ("s", "ms", "us", "ns"), ("Nm", "mNm", "uNm")
+ALLOWED = {"time": TIMES, "rate": SPEEDS, "wheel_speed": SPEEDS, "torque": TORQUES, "motor_torque": TORQUES}
 ORDERS = ("scalar first", "scalar last")
 _HEADER = re.compile(r"^(.*?)[\s_]*[\[(]([^\])]*)[\])]\s*$")
-_ENDING = re.compile(r"^(.+?)[\s_](rpm|dps|deg_?s|deg/s|rad_?s|rad/s|mrad_?s|ms|us|ns|s)$", flags=re.IGNORECASE)
+_ENDING = re.compile(
+    r"^(.+?)[\s_](rpm|dps|deg_?s|deg/s|rad_?s|rad/s|mrad_?s|[mu]?n_?m|ms|us|ns|s)$", flags=re.IGNORECASE
+)
 
 
 def unit_of(text: str) -> str | None:
@@ -37,7 +42,7 @@ def unit_of(text: str) -> str | None:
         return plain
     squeezed = re.sub(r"[^a-z0-9]", "", plain)
     for unit, (_, others) in _NAMES.items():
-        if squeezed == re.sub(r"[^a-z]", "", unit) or squeezed in others:
+        if squeezed == re.sub(r"[^a-z]", "", unit.lower()) or squeezed in others:
             return unit
     return None
 

@@ -1,0 +1,106 @@
+"""Inertia of the rotors: by their motors' torque, where a log has it, and what its tolerance does to the estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from satid_gym.identification.delays import Parameter
+from satid_gym.identification.estimate import Estimated, estimate
+from satid_gym.identification.slips import SlipError
+from satid_gym.satellite import Satellite
+from satid_gym.telemetry import Log
+from satid_gym.telemetry.log import GAP
+from satid_gym.telemetry.units import option_of
+
+_ROWS_MIN = 8  # of a window
+_WINDOWS_MIN = 3  # whose scatter says how far to trust the mean
+_STDS, _SHARE = 3.0, 0.02  # by which motors contradict the data sheet
+
+
+def rotor_inertias(logs: Sequence[Log], satellite: Satellite, window: float) -> list[Parameter]:
+    """Inertia of each rotor, kg m^2, from j (dOmega/dt + a . domega/dt) = torque - friction, integrated over windows.
+
+    Friction has a part by the sign of the speed and one that goes with it. Logs without `motor_torque` give none.
+
+    Raises:
+        SlipError: torque and speed have opposite signs.
+    """
+    found: list[Parameter] = []
+    if all(log.motor_torque is None for log in logs):
+        return found
+    for k in range(satellite.wheels.count):
+        pieces = [piece for log in logs for piece in _pieces(log, satellite.wheels.axes[:, k], k, window)]
+        value, std = _ratio(pieces)
+        if value + _STDS * std < 0.0:
+            raise SlipError(
+                f"motor_torque of wheel {k + 1} and its speed have opposite signs, expected the torque on the wheel: "
+                f"give a minus sign before the unit that the log is in, {option_of({'motor_torque': '-Nm'})}"
+            )
+        found.append(Parameter(name=f"rotor inertia of wheel {k + 1}", value=value, std=std))
+    return found
+
+
+def rotor_notes(rotors: Sequence[Parameter], satellite: Satellite) -> list[str]:
+    """A line for each rotor whose motor contradicts the data sheet."""
+    return [
+        f"{rotor.name} is {rotor.value:.4g} +- {rotor.std:.1g} kg m^2 by its motor's torque, and {sheet:.4g} in the "
+        "data sheet, with which the inertia tensor scales"
+        for rotor, sheet in zip(rotors, satellite.wheels.inertia, strict=False)
+        if rotor.determined and abs(rotor.value - sheet) > max(_STDS * rotor.std, _SHARE * sheet)
+    ]
+
+
+def rotor_tolerance(logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated) -> np.ndarray:
+    """Covariance (6, 6) of theta by the tolerance of each rotor: theta with one rotor at a time off."""
+    found, wheels, tolerance = np.zeros((6, 6)), satellite.wheels, satellite.tolerances.wheel_inertia
+    for off in tolerance * np.eye(wheels.count) if tolerance > 0.0 else ():
+        built = satellite.replace(wheels=wheels.replace(inertia=wheels.inertia * (1.0 + off)))
+        move = estimate(logs, built, window).fit.theta - estimated.fit.theta
+        found += np.outer(move, move)
+    return found
+
+
+def _pieces(log: Log, axis: np.ndarray, k: int, window: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Design (N, 3), spin and friction, and impulse (N,) of each stretch of a window, without their means."""
+    if log.motor_torque is None:
+        return []
+    speed, torque = log.wheel_speed[:, k], log.motor_torque[:, k]
+    good = np.flatnonzero(np.isfinite(speed) & np.isfinite(torque) & np.isfinite(log.rate).all(axis=1))
+    time = log.time[good]
+    edges = np.flatnonzero(
+        (np.diff(time) > GAP * log.interval) | (np.diff(np.floor((time - log.time[0]) / window)) > 0)
+    )
+    found = []
+    for rows in np.split(good, edges + 1):
+        if len(rows) < _ROWS_MIN:
+            continue
+        step = np.diff(log.time[rows])
+        spin = speed[rows] + log.rate[rows] @ axis
+        summed = [_sum(step, part) for part in (torque[rows], np.sign(speed[rows]), speed[rows])]
+        columns = np.column_stack([spin, summed[1], summed[2]])
+        found.append((columns - columns.mean(axis=0), summed[0] - summed[0].mean()))
+    return found
+
+
+def _sum(step: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Integral (N,) of values that are held until the next reading."""
+    return np.concatenate([[0.0], np.cumsum(step * values[:-1])])
+
+
+def _ratio(pieces: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float]:
+    """Inertia and its standard deviation by leaving out one piece at a time; NaN where there are too few."""
+    if len(pieces) < _WINDOWS_MIN:
+        return np.nan, np.nan
+    matrices = np.array([design.T @ design for design, _ in pieces])
+    vectors = np.array([design.T @ target for design, target in pieces])
+    total, right = matrices.sum(axis=0), vectors.sum(axis=0)
+    size = np.sqrt(np.maximum(np.diag(total), 1e-300))
+
+    def solved(matrix: np.ndarray, vector: np.ndarray) -> float:
+        return float((np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-10) @ (vector / size))[0] / size[0])
+
+    without = np.array([solved(total - m, right - v) for m, v in zip(matrices, vectors, strict=True)])
+    count = len(pieces)
+    return solved(total, right), float(np.sqrt((count - 1) * without.var()))
