@@ -13,6 +13,7 @@ from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.policies.swing_and_stop import SwingAndStopPolicy
 from satid_gym.policy import Policy, observation_settings
 from satid_gym.profiles import PROFILES
 from satid_gym.scenario_catalogue import SCENARIOS
@@ -26,6 +27,13 @@ SHAPES = [
     for period in (12.0, 24.0, 48.0)
     for share in (0.35, 0.5, 0.65, 0.8, 0.9, 1.0)
     for dwell in (0.0, 0.5, 1.0)
+    for amplitude in (0.7, 1.0)
+]
+SWINGS = [
+    {"swing": swing, "look": look, "clearance": clearance, "amplitude": amplitude}
+    for swing in (6.0, 8.0, 12.0, 16.0, 24.0)
+    for look in (1.0, 2.0, 4.0)
+    for clearance in (0.05, 0.15)
     for amplitude in (0.7, 1.0)
 ]
 
@@ -42,18 +50,25 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         for a in AMPLITUDES
     ]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     return {
         "zero": [({}, ZeroPolicy())],
         "random": [({}, RandomPolicy())],
         **loud,
         "rate_square": squares,
         **({"shaped_square": shaped} if _has_limit(scenario) else {}),
+        **({"swing_and_stop": swings} if _has_tracker(scenario) else {}),
     }
 
 
 def _has_limit(scenario: str) -> bool:
     appendages = SCENARIOS[scenario].appendages
     return appendages is not None and appendages.deflection_limit is not None
+
+
+def _has_tracker(scenario: str) -> bool:
+    sensors = SCENARIOS[scenario].sensors
+    return sensors is not None and sensors.star_tracker is not None
 
 
 class Quieter:

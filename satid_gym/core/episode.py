@@ -162,6 +162,8 @@ def start(rows, i, work):
     filters.start(belief, work, plant.gyro, plant.tachometer)
     if plant.tracker.fresh != 0:
         filters.condition_attitude(belief, work, plant.tracker.reading)
+    for i in range(3):
+        task.sun[i] = plant.tracker.sun[i]  # by the ephemeris, which those who fly the satellite have
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = 0
         report.torque_applied[k] = 0.0
