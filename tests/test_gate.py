@@ -12,9 +12,10 @@ from baselines.scenarios import gate as gates
 from baselines.scenarios import rivals
 from baselines.scenarios.flights import Cell, Flown, flown
 from baselines.scenarios.gate import Gate, over, row, show
-from baselines.scenarios.oracle import Plan, search, with_true_modes
+from baselines.scenarios.oracle import search
 from baselines.scenarios.rate_loops import RateLoopStudy
 from baselines.scenarios.rivals import Quieter, choose
+from baselines.scenarios.shaped_plan import ShapedPlan, with_true_modes
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -42,8 +43,9 @@ def world(count: int = 3, scenario="flex", **settings) -> SatInertiaIDVectorEnv:
 
 def scored(*expected: float, cost: float = 0.0, ended: bool = False) -> Flown:
     """Episodes that cost alike, all of which end early or none."""
-    n = len(expected)
-    return Flown(np.array(expected), np.zeros(n), np.ones(n), np.full((n, len(COSTS)), cost), np.full(n, ended))
+    n, errors = len(expected), np.array(expected)
+    costs = np.full((n, len(COSTS)), cost)
+    return Flown(errors, np.zeros(n), np.ones(n), costs, np.full(n, ended), errors)
 
 
 # settings
@@ -52,7 +54,7 @@ def scored(*expected: float, cost: float = 0.0, ended: bool = False) -> Flown:
 @cases(
     ("settings", "message"),
     [
-        ({"scenario": "default"}, "scenario 'default' has no panels or tank.*--oracle 0"),
+        ({"scenario": "default"}, "scenario 'default' has no plan for the oracle.*--oracle 0"),
         ({"scenario": "flexx"}, "unknown scenario 'flexx'"),
         ({"satellite": "sputnik"}, "unknown satellite"),
         ({"inertia": "statis"}, "unknown inertia mode 'statis'"),
@@ -126,7 +128,7 @@ def test_a_filter_that_knows_the_modes_observes_what_the_oracle_is_told():
 def test_a_plan_reads_the_data_sheet_before_it_is_told_the_truth():
     env = world()
     first, _ = env.reset(seed=SEEDS)
-    plan = Plan(POINTS)
+    plan = ShapedPlan(POINTS)
     plan.reset(missions(env.problem)[0], SEEDS)
     told = plan.told(env, first)
     w, size = plan._sheet
@@ -138,10 +140,10 @@ def test_a_plan_reads_the_data_sheet_before_it_is_told_the_truth():
 
 
 def test_a_plan_flies_the_same_alone_as_in_a_batch():
-    plan = Plan(POINTS)
+    plan = ShapedPlan(POINTS)
     together = flown(CELL, plan, SEEDS, plan.told)
     for i in (1, 2):
-        plan = Plan(POINTS[[i]])
+        plan = ShapedPlan(POINTS[[i]])
         alone = flown(CELL, plan, SEEDS[i : i + 1], plan.told)
         for name in ("expected", "error", "costs"):
             np.testing.assert_array_equal(getattr(alone, name)[0], getattr(together, name)[i], err_msg=name)
@@ -182,10 +184,10 @@ def test_inside_is_by_the_mean_of_each_cost_and_only_where_nothing_ended():
     costs = np.zeros((2, len(COSTS)))
     costs[:, 1] = 0.0, 0.02
     quiet, ended = np.zeros(2, bool), np.array([False, True])
-    flight = Flown(np.ones(2), np.ones(2), np.ones(2), costs, quiet)
+    flight = Flown(np.ones(2), np.ones(2), np.ones(2), costs, quiet, np.ones(2))
     assert flight.inside(0.01)
     assert not flight.inside(0.009)
-    assert not Flown(np.ones(2), np.ones(2), np.ones(2), costs, ended).inside(0.01)
+    assert not Flown(np.ones(2), np.ones(2), np.ones(2), costs, ended, np.ones(2)).inside(0.01)
 
 
 # rivals

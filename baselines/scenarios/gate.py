@@ -159,8 +159,8 @@ def show(rows: list[dict[str, Any]]) -> None:
         )
         nees, cost = f"{own['nees']:.2f} ({own['nees_median']:.2f})", f"{worst} {100 * own['costs'][worst]:.2f}"
         print(
-            f"{own['policy']:16s} {expected:>12s} {_ratio(own):>12s} {at_end:>14s} {100 * own['final_error']:15.4f} {nees:>14s} "
-            f"{cost:>22s} {100 * own['terminated']:4.0f} %"
+            f"{own['policy']:16s} {expected:>12s} {_ratio(own):>12s} {at_end:>14s} {100 * own['final_error']:15.4f} "
+            f"{nees:>14s} {cost:>22s} {100 * own['terminated']:4.0f} %"
         )
     inside = {own["policy"]: own for own in rows if own["inside"]}
     print("inside all limits: " + ", ".join(inside))

@@ -11,6 +11,7 @@ from baselines.scenarios.flights import Cell, flown
 from satid_gym.evaluation import seeds
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
+from satid_gym.policies.registry import build
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policies.swing_and_stop import SwingAndStopPolicy
@@ -50,6 +51,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         for a in AMPLITUDES
     ]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     return {
         "zero": [({}, ZeroPolicy())],
@@ -57,7 +59,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         **loud,
         "rate_square": squares,
         **({"shaped_square": shaped} if _has_limit(scenario) else {}),
-        **({"swing_and_stop": swings} if _has_tracker(scenario) else {}),
+        **({"swing_and_stop": swings, **planned} if _has_tracker(scenario) else {}),
     }
 
 
