@@ -373,5 +373,7 @@ simulator does, or its module:name |
 
         scenario, rows = self.problem.scenario, self.fleet.rows
         law = int(rows.plants["law"][0])
-        self._history = History(scenario.operate(satellite), scenario.decisions, scenario.decision_period, law)
+        self._history = History(
+            scenario.operate(satellite), scenario.decisions, scenario.decision_period, law, scenario.orbit_rate
+        )
         self._history.note(rows.plants[0], rows.beliefs[0], rows.reports[0])
