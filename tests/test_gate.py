@@ -7,15 +7,18 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baselines.scenarios import gate as gates
 from baselines.scenarios import rivals
-from baselines.scenarios.flights import Cell, Flown, flown
+from baselines.scenarios.flights import Cell, Flown, _error, flown
 from baselines.scenarios.gate import Gate, over, row, show
 from baselines.scenarios.oracle import search
 from baselines.scenarios.rate_loops import RateLoopStudy
 from baselines.scenarios.rivals import Quieter, choose
 from baselines.scenarios.shaped_plan import ShapedPlan, with_true_modes
+from baselines.scenarios.swing_plan import SwingPlan, with_true_sky
+from satid_gym import SATELLITES
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -137,6 +140,57 @@ def test_a_plan_reads_the_data_sheet_before_it_is_told_the_truth():
     np.testing.assert_allclose(size[:, 0], np.linalg.norm(own["coupling"][:, 0], axis=1), rtol=1e-6)
     part = told[:, env.problem.layout["modes"]]
     assert (np.abs(2.0 * np.pi * part[:, AT["frequency"]] / w[:, 0] - 1.0) > 1e-3).all(), "the truth differs"
+
+
+def test_the_told_sky_is_that_of_the_plants():
+    """Sun and Earth in the body frame, also before the first reading; nothing else is changed."""
+    env = world(4, "calibration")
+    observation, _ = env.reset(seed=list(range(4)))
+    for _ in range(2):
+        told, plants = with_true_sky(env, observation), env.fleet.rows.plants
+        angle = plants["orbit_rate"] * plants["time"]
+        for k, plant in enumerate(plants):
+            to_inertial = Rotation.from_quat(plant["attitude"])
+            sky = {"sun": plant["tracker"]["sun"], "earth": [np.cos(angle[k]), np.sin(angle[k]), 0.0]}
+            for name, direction in sky.items():
+                seen = told[k, env.problem.layout[name]]
+                np.testing.assert_allclose(to_inertial.apply(seen), direction, atol=1e-6)
+        places = [env.problem.layout[name] for name in ("sun", "earth")]
+        for place in places:
+            told[:, place] = observation[:, place]
+        np.testing.assert_array_equal(told, observation)
+        observation, *_ = env.step(np.full((4, 3), 0.1, np.float32))
+    env.close()
+
+
+def test_a_plan_of_swings_has_settings_of_its_own_for_each_episode():
+    env = world(3, "calibration")
+    points = np.zeros((3, SwingPlan.size))
+    points[1, 0] = np.log(2.0)  # of the swing
+    points[2, 3:6] = -10.0  # of the amplitudes
+    plan = SwingPlan(points)
+    plan.reset(missions(env.problem)[0], SEEDS)
+    observation, _ = env.reset(seed=SEEDS)
+    told = plan.told(env, observation)
+    told[:, env.problem.layout["earth"]] = told[:, env.problem.layout["sun"]] = -plan._boresight
+    actions = np.array([plan(told) for _ in range(14)])
+    swung = (np.abs(actions) > 0.1).any(axis=2).sum(axis=0)
+    np.testing.assert_array_equal(swung, [12, 14, 0])
+    env.close()
+
+
+def test_a_factor_on_all_rotors_is_in_no_error():
+    """The tensor in units of the rotors' mean inertia is what an estimate can be held against."""
+    env = world(4, "calibration", observation="wheels")
+    env.reset(seed=list(range(4)))
+    plants, reports = env.fleet.rows.plants, env.fleet.rows.reports
+    factor = (plants["wheel_inertia"] / SATELLITES["microsat"].wheels.inertia).mean(axis=1)
+    assert np.abs(factor - 1.0).max() > 1e-4
+    reports["inertia_estimate"] = reports["inertia_true"] / factor[:, None, None]
+    np.testing.assert_allclose(_error(env), 0.0, atol=1e-12)
+    reports["inertia_estimate"] *= 1.01
+    np.testing.assert_allclose(_error(env), 0.01, rtol=1e-9)
+    env.close()
 
 
 def test_a_plan_flies_the_same_alone_as_in_a_batch():

@@ -58,8 +58,9 @@ class Sky:
         for i in range(1, len(ring)):
             scene.canvas.polygon([apex, ring[i - 1], ring[i]], colour, 0.04)
         scene.canvas.line(ring, shade(colour, BACKGROUND, 0.2), 0.9, closed=True)
-        side = np.argmax(np.abs(np.cross(ring - apex, ring.mean(axis=0) - apex)))
-        for edge in (side, (side + 36) % 72):
+        along, out = ring - apex, ring[:-1].mean(axis=0) - apex
+        beside = along[:, 0] * out[1] - along[:, 1] * out[0]  # the line from the apex to the ring's middle
+        for edge in (np.argmax(beside), np.argmin(beside)):
             scene.canvas.line([apex, ring[edge]], shade(colour, BACKGROUND, 0.2), 0.9)
 
     def map(self, canvas: Canvas, centre: tuple[float, float], radius: float) -> None:
