@@ -30,7 +30,8 @@ _NONE_YET = 1e-3  # rad^2, in which directions count as turned before any turn
 class SwingAndStopPolicy:
     """Swings about changing directions and stops for the star tracker; for control "rate".
 
-    Defaults are those that the gate of scenario "calibration" chose for microsat on tuning seeds.
+    Defaults of swing, look and amplitude are those that the gate of scenario "calibration" chose for microsat on tuning
+    seeds.
 
     Args:
         swing: s at full rate; twice as long where that leads to a place from which stars are seen.
@@ -91,10 +92,8 @@ class SwingAndStopPolicy:
         self._most = period * mission.satellite.rate_limit  # rad, turned in a decision at the limit
         self._preference = np.zeros((n, len(SIDES)))  # of a side, logarithm
         self._left = np.zeros(n)  # decisions of the swing that are left; 0: it stops
-        self._waited, self._seen = (
-            np.zeros(n),
-            np.zeros(n) + self.look,
-        )  # decisions of the stop, and those with a reading
+        self._waited = np.zeros(n)  # decisions of the stop
+        self._seen = np.zeros(n) + self.look  # those of it with a reading; a flight begins with a swing
         self._side, self._turned = np.zeros((n, 3)), np.tile(_NONE_YET * np.eye(3), (n, 1, 1))
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
@@ -102,7 +101,7 @@ class SwingAndStopPolicy:
         stops = self._left <= 0.0
         read = observation[:, self._layout["attitude_age"]][:, 0] <= self._read_age
         self._waited, self._seen = np.where(stops, self._waited + 1.0, 0.0), np.where(stops, self._seen + read, 0.0)
-        for i in np.flatnonzero(stops & ((self._seen >= self.look) | (self._waited > self._patience))):
+        for i in np.flatnonzero(stops & ((self._seen >= self.look) | (self._waited > self._patience))).tolist():
             self._swing(observation[i], i)
         self._left -= 1.0
         return self._allowed(observation, np.where(self._left[:, None] >= 0.0, self._side, 0.0))
