@@ -50,8 +50,8 @@ class SwingAndStopPolicy:
 
     def __init__(
         self,
-        swing: float = 8.0,
-        look: float = 2.0,
+        swing: float = 12.0,
+        look: float = 4.0,
         clearance: float = 0.1,
         amplitude: float = 1.0,
         margin: float = 3.5,
