@@ -122,6 +122,9 @@ the axis of d, rings to 1, a reversal to 2 |
 the attitude is not known |
     | attitude_age | 1 | time since the tracker's last reading / decision period, or since the start before the first; \
 at most 10 |
+    | sun | 3 | direction of the Sun in the body frame, by the ephemeris and the estimated attitude; 0 where the \
+attitude is not known. Only where the Sun blinds the tracker |
+    | earth | 3 | likewise of the Earth's centre, where the Earth blinds it |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
@@ -199,7 +202,7 @@ periodic inertia can do it too |
 draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
-(a tank), "paper", or a `Scenario` |
+(a tank), "calibration" (a star tracker), "paper", or a `Scenario` |
     | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
@@ -370,5 +373,7 @@ simulator does, or its module:name |
 
         scenario, rows = self.problem.scenario, self.fleet.rows
         law = int(rows.plants["law"][0])
-        self._history = History(scenario.operate(satellite), scenario.decisions, scenario.decision_period, law)
+        self._history = History(
+            scenario.operate(satellite), scenario.decisions, scenario.decision_period, law, scenario.orbit_rate
+        )
         self._history.note(rows.plants[0], rows.beliefs[0], rows.reports[0])

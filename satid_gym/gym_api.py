@@ -155,6 +155,7 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> EpisodeTemplates
         same_kinds = other.tolerances.kinds == sheet.tolerances.kinds
         same_kinds = same_kinds and other.sensors.are_timed == sheet.sensors.are_timed
         same_kinds = same_kinds and (other.sensors.star_tracker is None) == (sheet.sensors.star_tracker is None)
+        same_kinds = same_kinds and p.estimator.tells_sky(other) == p.estimator.tells_sky(sheet)
         if not same_kinds or p.estimator.other_states(other) != p.estimator.other_states(sheet):
             raise ValueError(
                 "the satellite for this episode must have tolerances of the same kinds and sensors like the "

@@ -92,6 +92,12 @@ class Problem(Config):
                 "all satellites of an environment need a star tracker or none, for they share a filter: those of "
                 f"{names} differ; give scenario sensors, which replace the satellites'"
             )
+        if len({self.estimator.tells_sky(s) for s in sheets}) != 1:
+            names = ", ".join(s.name for s in self.satellites)
+            raise ValueError(
+                "star trackers of an environment need to be blinded by the same bodies, Sun or Earth, which are then "
+                f"observed: those of {names} differ; give scenario sensors, which replace the satellites'"
+            )
         if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
@@ -173,6 +179,7 @@ class Problem(Config):
             self.actions,
             self.estimator.tells_attitude(sheet),
             self.include_walk,
+            self.estimator.tells_sky(sheet),
         )
 
 

@@ -10,6 +10,12 @@ from satid_gym.estimators.rate import RateEKFSettings
 from satid_gym.faults import Faults
 from satid_gym.law_ranges import PAPER_LAWS
 from satid_gym.scenario import Scenario
+from satid_gym.sensors import Sensors
+from satid_gym.star_tracker import StarTracker
+from satid_gym.tolerances import Tolerances
+
+_DEGREE = float(np.pi / 180.0)  # rad
+_ARCSEC = _DEGREE / 3600.0
 
 SCENARIOS: dict[str, Scenario] = {
     scenario.name: scenario
@@ -57,6 +63,24 @@ SCENARIOS: dict[str, Scenario] = {
             name="slosh",
             appendages=Tank(
                 share=(0.01, 0.04), frequency=(0.02, 0.1), damping=(0.02, 0.1), deflection_limit=0.02, arm=(0.25, 0.5)
+            ),
+        ),
+        Scenario(
+            name="calibration",
+            horizon=600.0,
+            wheel_speed_range=0.02,
+            tolerances=Tolerances(
+                gyro_bias=1e-4, gyro_scale=3e-3, gyro_alignment=1e-3, wheel_inertia=2e-3, wheel_alignment=1e-3
+            ),
+            sensors=Sensors(
+                star_tracker=StarTracker(
+                    boresight=np.array([0.6, 0.0, 0.8]),
+                    across_std=2.0 * _ARCSEC,
+                    round_std=20.0 * _ARCSEC,
+                    rate_limit=0.5 * _DEGREE,
+                    sun_exclusion=30.0 * _DEGREE,
+                    earth_exclusion=10.0 * _DEGREE,
+                )
             ),
         ),
     )

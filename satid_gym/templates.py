@@ -111,6 +111,8 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
     task["decisions"], task["observation"] = scenario.decisions, ObservationForm[p.observation.upper()]
     task["tells_walk"] = p.include_walk
+    task["tells_sun"], task["tells_earth"] = p.estimator.tells_sky(satellite)
+    task["orbit_rate"] = scenario.orbit_rate
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit

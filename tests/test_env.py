@@ -79,6 +79,7 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
         {"control": "rate"},
         {"scenario": "flex", "control": "rate", "observation": "body"},
         {"scenario": "slosh"},
+        {"scenario": "calibration", "control": "rate", "observation": "body"},
     ],
     ids=str,
 )

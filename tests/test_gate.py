@@ -7,14 +7,18 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baselines.scenarios import gate as gates
 from baselines.scenarios import rivals
-from baselines.scenarios.flights import Cell, Flown, flown
+from baselines.scenarios.flights import Cell, Flown, _error, flown
 from baselines.scenarios.gate import Gate, over, row, show
-from baselines.scenarios.oracle import Plan, search, with_true_modes
+from baselines.scenarios.oracle import search
 from baselines.scenarios.rate_loops import RateLoopStudy
 from baselines.scenarios.rivals import Quieter, choose
+from baselines.scenarios.shaped_plan import ShapedPlan, with_true_modes
+from baselines.scenarios.swing_plan import SwingPlan, with_true_sky
+from satid_gym import SATELLITES
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.learned import LearnedPolicy, Network
@@ -42,8 +46,9 @@ def world(count: int = 3, scenario="flex", **settings) -> SatInertiaIDVectorEnv:
 
 def scored(*expected: float, cost: float = 0.0, ended: bool = False) -> Flown:
     """Episodes that cost alike, all of which end early or none."""
-    n = len(expected)
-    return Flown(np.array(expected), np.zeros(n), np.ones(n), np.full((n, len(COSTS)), cost), np.full(n, ended))
+    n, errors = len(expected), np.array(expected)
+    costs = np.full((n, len(COSTS)), cost)
+    return Flown(errors, np.zeros(n), np.ones(n), costs, np.full(n, ended), errors)
 
 
 # settings
@@ -52,7 +57,7 @@ def scored(*expected: float, cost: float = 0.0, ended: bool = False) -> Flown:
 @cases(
     ("settings", "message"),
     [
-        ({"scenario": "default"}, "scenario 'default' has no panels or tank.*--oracle 0"),
+        ({"scenario": "default"}, "scenario 'default' has no plan for the oracle.*--oracle 0"),
         ({"scenario": "flexx"}, "unknown scenario 'flexx'"),
         ({"satellite": "sputnik"}, "unknown satellite"),
         ({"inertia": "statis"}, "unknown inertia mode 'statis'"),
@@ -126,7 +131,7 @@ def test_a_filter_that_knows_the_modes_observes_what_the_oracle_is_told():
 def test_a_plan_reads_the_data_sheet_before_it_is_told_the_truth():
     env = world()
     first, _ = env.reset(seed=SEEDS)
-    plan = Plan(POINTS)
+    plan = ShapedPlan(POINTS)
     plan.reset(missions(env.problem)[0], SEEDS)
     told = plan.told(env, first)
     w, size = plan._sheet
@@ -137,11 +142,62 @@ def test_a_plan_reads_the_data_sheet_before_it_is_told_the_truth():
     assert (np.abs(2.0 * np.pi * part[:, AT["frequency"]] / w[:, 0] - 1.0) > 1e-3).all(), "the truth differs"
 
 
+def test_the_told_sky_is_that_of_the_plants():
+    """Sun and Earth in the body frame, also before the first reading; nothing else is changed."""
+    env = world(4, "calibration")
+    observation, _ = env.reset(seed=list(range(4)))
+    for _ in range(2):
+        told, plants = with_true_sky(env, observation), env.fleet.rows.plants
+        angle = plants["orbit_rate"] * plants["time"]
+        for k, plant in enumerate(plants):
+            to_inertial = Rotation.from_quat(plant["attitude"])
+            sky = {"sun": plant["tracker"]["sun"], "earth": [np.cos(angle[k]), np.sin(angle[k]), 0.0]}
+            for name, direction in sky.items():
+                seen = told[k, env.problem.layout[name]]
+                np.testing.assert_allclose(to_inertial.apply(seen), direction, atol=1e-6)
+        places = [env.problem.layout[name] for name in ("sun", "earth")]
+        for place in places:
+            told[:, place] = observation[:, place]
+        np.testing.assert_array_equal(told, observation)
+        observation, *_ = env.step(np.full((4, 3), 0.1, np.float32))
+    env.close()
+
+
+def test_a_plan_of_swings_has_settings_of_its_own_for_each_episode():
+    env = world(3, "calibration")
+    points = np.zeros((3, SwingPlan.size))
+    points[1, 0] = np.log(2.0)  # of the swing
+    points[2, 3:6] = -10.0  # of the amplitudes
+    plan = SwingPlan(points)
+    plan.reset(missions(env.problem)[0], SEEDS)
+    observation, _ = env.reset(seed=SEEDS)
+    told = plan.told(env, observation)
+    told[:, env.problem.layout["earth"]] = told[:, env.problem.layout["sun"]] = -plan._boresight
+    actions = np.array([plan(told) for _ in range(14)])
+    swung = (np.abs(actions) > 0.1).any(axis=2).sum(axis=0)
+    np.testing.assert_array_equal(swung, [12, 14, 0])
+    env.close()
+
+
+def test_a_factor_on_all_rotors_is_in_no_error():
+    """The tensor in units of the rotors' mean inertia is what an estimate can be held against."""
+    env = world(4, "calibration", observation="wheels")
+    env.reset(seed=list(range(4)))
+    plants, reports = env.fleet.rows.plants, env.fleet.rows.reports
+    factor = (plants["wheel_inertia"] / SATELLITES["microsat"].wheels.inertia).mean(axis=1)
+    assert np.abs(factor - 1.0).max() > 1e-4
+    reports["inertia_estimate"] = reports["inertia_true"] / factor[:, None, None]
+    np.testing.assert_allclose(_error(env), 0.0, atol=1e-12)
+    reports["inertia_estimate"] *= 1.01
+    np.testing.assert_allclose(_error(env), 0.01, rtol=1e-9)
+    env.close()
+
+
 def test_a_plan_flies_the_same_alone_as_in_a_batch():
-    plan = Plan(POINTS)
+    plan = ShapedPlan(POINTS)
     together = flown(CELL, plan, SEEDS, plan.told)
     for i in (1, 2):
-        plan = Plan(POINTS[[i]])
+        plan = ShapedPlan(POINTS[[i]])
         alone = flown(CELL, plan, SEEDS[i : i + 1], plan.told)
         for name in ("expected", "error", "costs"):
             np.testing.assert_array_equal(getattr(alone, name)[0], getattr(together, name)[i], err_msg=name)
@@ -182,10 +238,10 @@ def test_inside_is_by_the_mean_of_each_cost_and_only_where_nothing_ended():
     costs = np.zeros((2, len(COSTS)))
     costs[:, 1] = 0.0, 0.02
     quiet, ended = np.zeros(2, bool), np.array([False, True])
-    flight = Flown(np.ones(2), np.ones(2), np.ones(2), costs, quiet)
+    flight = Flown(np.ones(2), np.ones(2), np.ones(2), costs, quiet, np.ones(2))
     assert flight.inside(0.01)
     assert not flight.inside(0.009)
-    assert not Flown(np.ones(2), np.ones(2), np.ones(2), costs, ended).inside(0.01)
+    assert not Flown(np.ones(2), np.ones(2), np.ones(2), costs, ended, np.ones(2)).inside(0.01)
 
 
 # rivals

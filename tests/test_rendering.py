@@ -28,6 +28,7 @@ from satid_gym.rendering import History, draw
 from satid_gym.rendering.appendages import Appendages
 from satid_gym.rendering.canvas import ALARM, PANEL, SERIES, TEXT, Canvas, shade
 from satid_gym.rendering.scene import MOMENTUM_COLOUR, RATE_COLOUR, Scene, box
+from satid_gym.rendering.sky import Sky
 from satid_gym.rendering.strip import Strip
 from tests.cases import cases
 
@@ -369,3 +370,63 @@ def test_a_panel_is_drawn_at_its_hinge_and_along_its_arm():
         turned = Rotation.from_rotvec(np.radians(angle) * panel.axis).as_matrix() @ panel.arm
         middles = [scene.place(scene.scale * scene.to_view @ (side * (panel.hinge + turned))) for side in (1.0, -1.0)]
         assert min(np.linalg.norm(points.mean(axis=0) - middle) for middle in middles) < 1e-6
+
+
+# a star tracker
+
+
+@pytest.fixture(scope="module")
+def tracked():
+    env = SatInertiaIDEnv("microsat", "static", "calibration", render_mode="rgb_array", render_size=480)
+    env.reset(seed=3)
+    return env
+
+
+def sky_of(env, sun, earth=(0.0, 0.0, -1.0), tracks=False, rate=0.0):
+    """Sky with Sun and Earth at places of the body frame."""
+    history = env._history
+    history._series["tracks"][0], history._series["rate"][0] = tracks, [rate, 0.0, 0.0]
+    sky = Sky(history, history.satellite.sensors.star_tracker)
+    sky.sun, sky.earth = (np.array(v) / np.linalg.norm(v) for v in (sun, earth))
+    return sky
+
+
+def test_the_frame_says_what_blinds_the_tracker(tracked):
+    boresight = tracked._history.satellite.sensors.star_tracker.boresight
+    limit = tracked._history.satellite.sensors.star_tracker.rate_limit
+    away = -boresight
+    for words, sun, earth, settings in [
+        ("tracks", away, away, {"tracks": True}),
+        ("blind: Sun", boresight, away, {}),
+        ("blind: Earth", away, boresight, {}),
+        ("blind: too fast", away, away, {"rate": 1.01 * limit}),
+        ("finds its stars", away, away, {}),
+    ]:
+        assert sky_of(tracked, sun, earth, **settings).state()[0] == words
+
+
+@cases("size", [0.2, 1.2])
+@cases("angle", [0.1, 1.5, 3.0])
+def test_the_map_covers_what_the_sky_hides(tracked, size, angle):
+    """By directions drawn on the sphere: those within an angle are filled, wherever it lies, also round the rim."""
+    sky = sky_of(tracked, [0.0, 0.0, 1.0])
+    axis = sky._tracker.boresight
+    aside = np.cross(axis, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(axis, [0.0, 1.0, 0.0]))
+    towards = np.cos(angle) * axis + np.sin(angle) * aside
+    canvas, middle, radius = Canvas(400, 400), np.array([200.0, 200.0]), 180.0
+    sky._disc(canvas, middle, radius, towards, size, 0.0, (255, 255, 255))
+    picture = canvas.pixels()[:, :, 0]
+    rng = np.random.default_rng(0)
+    directions = rng.standard_normal((400, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    apart = np.arccos(np.clip(directions @ towards, -1.0, 1.0))
+    clear = (np.abs(apart - size) > 0.08) & (directions @ axis > np.cos(3.0))
+    x, y = np.round(sky._place(middle, radius, directions[clear])).astype(int).T
+    np.testing.assert_array_equal(picture[y, x] > 128, apart[clear] < size)
+
+
+def test_only_satellites_with_a_tracker_show_one(tracked):
+    plain = SatInertiaIDEnv("microsat", "static", render_mode="rgb_array", render_size=480)
+    plain.reset(seed=3)
+    corner = np.s_[60:140, 10:90]
+    assert changed(plain.render(), tracked.render(), corner)

@@ -234,7 +234,14 @@ def test_it_is_consistent_and_what_it_sees_helps(inertia):
 def test_the_observation_has_what_is_known_of_the_attitude():
     env = SatInertiaIDEnv(scenario=world(BLINDED), inertia="static", include_covariance=True)
     observation, info = env.reset(seed=4)
-    assert list(env.layout)[-4:] == ["attitude_uncertainty", "attitude_age", "state_uncertainty", "state_correlation"]
+    assert list(env.layout)[-6:] == [
+        "attitude_uncertainty",
+        "attitude_age",
+        "sun",
+        "earth",
+        "state_uncertainty",
+        "state_correlation",
+    ]
     known = set()
     for t in range(40):
         observation, _, _, _, info = env.step(np.array([0.02, 0.02, 0.02], np.float32) * (-1.0 if t // 20 else 1.0))
@@ -253,6 +260,54 @@ def test_the_observation_has_what_is_known_of_the_attitude():
         known.add(bool(own["known"]))
         assert 0.0 <= info["tracking"] <= 1.0
     assert True in known
+
+
+def sky(env):
+    """Directions of Sun and Earth in the body frame, true."""
+    plant = env.fleet.rows.plants[0]
+    angle = plant["orbit_rate"] * plant["time"]
+    to_body = Rotation.from_quat(plant["attitude"]).inv()
+    return to_body.apply([plant["tracker"]["sun"], [np.cos(angle), np.sin(angle), 0.0]])
+
+
+def test_sun_and_earth_are_observed_as_well_as_the_attitude_is_known():
+    """By the estimated attitude: within its standard deviations of where they are, and 0 before the first reading."""
+    known = set()
+    for seed in range(4):
+        env = SatInertiaIDEnv(scenario=world(BLINDED), inertia="static")
+        observation, _ = env.reset(seed=seed)
+        for t in range(30):
+            seen = np.array([observation[env.layout[name]] for name in ("sun", "earth")], float)
+            if env.fleet.rows.beliefs[0]["attitude"]["known"]:
+                np.testing.assert_allclose(np.linalg.norm(seen, axis=1), 1.0, rtol=1e-6)
+                std = observed_std(observation[env.layout["attitude_uncertainty"]].astype(float))
+                assert np.linalg.norm(seen - sky(env), axis=1).max() < 6.0 * np.linalg.norm(std) + 1e-6
+                known.add(True)
+            else:
+                np.testing.assert_array_equal(seen, 0.0)
+                known.add(False)
+            observation, *_ = env.step(np.array([0.02, 0.02, 0.02], np.float32) * (-1.0 if t // 15 else 1.0))
+    assert known == {True, False}
+
+
+def test_only_what_blinds_the_tracker_is_observed():
+    for changes, names in [
+        ({}, {"sun", "earth"}),
+        ({"sun_exclusion": None}, {"earth"}),
+        ({"earth_exclusion": None}, {"sun"}),
+        ({"sun_exclusion": None, "earth_exclusion": None}, set()),
+    ]:
+        layout = problem("microsat", "static", world(BLINDED.replace(**changes))).layout
+        assert set(layout) & {"sun", "earth"} == names
+    sheets = [
+        SATELLITES[name].replace(sensors=Sensors(star_tracker=tracker))
+        for name, tracker in (("microsat", BLINDED), ("smallsat", BLINDED.replace(sun_exclusion=None)))
+    ]
+    with pytest.raises(ValueError, match=r"need to be blinded by the same bodies.*microsat, smallsat"):
+        problem(sheets)
+    env = SatInertiaIDEnv(sheets[0])
+    with pytest.raises(ValueError, match="sensors like the environment's"):
+        env.reset(options={"satellite": sheets[1]})
 
 
 def flights(**settings):
@@ -287,7 +342,7 @@ def test_an_estimator_of_the_users_own_flies_the_same():
 
 
 def test_a_pilot_believes_what_the_environment_does():
-    settings = {"inertia": "static", "scenario": world(TRACKER.replace(rate_limit=0.05, reacquire=0.2))}
+    settings = {"inertia": "static", "scenario": world(BLINDED.replace(rate_limit=0.05, reacquire=0.2))}
     policy = make_baseline("rate_square", "microsat")
     fleet = Fleet(problem("microsat", **settings), 1, log=True)
     fleet.rows.plants["stream"][0] = np.random.default_rng(1).integers(1, 2**64, 4, dtype=np.uint64)
@@ -296,7 +351,9 @@ def test_a_pilot_believes_what_the_environment_does():
     policy.reset(missions(fleet.problem)[0], [0])
     sample, taken = 0, 0
     log = fleet.rows.logs[0, 0]
-    pilot.start(0.0, log["gyro"], log["tachometer"], log["star_tracker"])
+    with pytest.raises(ValueError, match="sun must be a direction"):
+        pilot.start(0.0, log["gyro"], log["tachometer"], sun=[0.0, 0.0, 0.0])
+    pilot.start(0.0, log["gyro"], log["tachometer"], log["star_tracker"], sun=3.0 * fleet.rows.tasks["sun"][0])
     for _ in range(30):
         action = policy(fleet.rows.observations.copy()).astype(np.float32)
         fleet.step(action)
@@ -308,6 +365,9 @@ def test_a_pilot_believes_what_the_environment_does():
         belief = fleet.rows.beliefs[0]
         np.testing.assert_allclose(pilot.estimate.mean, belief["mean"], rtol=1e-9, atol=1e-12)
         scale = np.diag(belief["covariance"]).max()
+        here = [pilot.problem.layout[name] for name in ("sun", "earth")]
+        for place in here:
+            np.testing.assert_allclose(pilot._observation[0, place], fleet.rows.observations[0, place], atol=1e-6)
         assert np.abs(pilot.estimate.state_covariance - belief["covariance"]).max() <= 1e-9 * scale
     assert taken > 10
     assert np.isfinite(torque).all()

@@ -1,13 +1,17 @@
-"""Tables of the environment's page, read from the docstrings that specify the environments."""
+"""Tables of the environment's page, read from the docstrings that specify the environments, and of the satellites."""
 
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
+from typing import Any
 
 import docstring_parser
+import numpy as np
 
 from baselines.command.markdown import table
 from satid_gym.env import SatInertiaIDEnv
+from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 
@@ -45,3 +49,26 @@ def vector_arguments() -> str:
 
 def _shown(value: object) -> str:
     return str(getattr(value, "name", value))
+
+
+def satellites() -> str:
+    """Every satellite, quantity by quantity."""
+    quantities: list[tuple[str, Callable[[Satellite], Any]]] = [
+        ("mass, kg", lambda s: s.mass),
+        ("size, m", lambda s: s.size),
+        ("nominal principal moments, kg m^2", lambda s: np.diag(s.inertia)),
+        ("wheels", lambda s: s.wheels.count),
+        ("wheel torque limit, N m", lambda s: s.wheels.max_torque[0]),
+        ("wheel speed limit, rad/s", lambda s: s.wheels.max_speed[0]),
+        ("wheel spin inertia, kg m^2", lambda s: s.wheels.inertia[0]),
+        ("body rate limit, rad/s", lambda s: s.rate_limit),
+        ("gyro noise per sample, rad/s", lambda s: s.gyro_noise_std),
+        ("tachometer noise per sample, rad/s", lambda s: s.tachometer_noise_std),
+        ("disturbance, standard deviation about each axis, N m", lambda s: s.disturbance_std),
+    ]
+    rows = [[name, *(_numbers(of(s)) for s in SATELLITES.values())] for name, of in quantities]
+    return table(["", *SATELLITES], rows)
+
+
+def _numbers(value: Any) -> str:
+    return "-" if value is None else " ".join(f"{v:g}" for v in np.atleast_1d(value))

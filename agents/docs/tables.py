@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import docstring_parser
-import numpy as np
 
 from agents.docs import faults_table
 from agents.docs.consistency_table import consistency_table, timing_table, tracker_table
@@ -25,7 +24,7 @@ from agents.docs.results_tables import (
     reward_table,
     standing_tables,
 )
-from agents.docs.specification import section_table, vector_arguments
+from agents.docs.specification import satellites, section_table, vector_arguments
 from agents.docs.world_tables import basilisk, gates, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
@@ -39,7 +38,7 @@ from satid_gym.faults import Faults
 from satid_gym.files import read_json, write_text
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.reward import RewardSettings
-from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
+from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 
@@ -70,32 +69,11 @@ def shown(value: Any) -> str:
         default = type(value)(**({"adaptive": True} if own.get("adaptive") else {})).to_dict()
         changed = {k: v for k, v in own.items() if v != default[k] or v is True}
         return shown({"name": own["name"], **changed})
+    if isinstance(value, Tolerances | Sensors):  # a scenario's own, in tables of their own
+        return "below"
     if isinstance(value, Mapping):
         return ", ".join(v if k == "name" else f"{k}: {shown(v)}" for k, v in value.items()) or "1"  # no factors
     return str(value)
-
-
-def satellites() -> str:
-    """Every satellite, quantity by quantity."""
-    quantities: list[tuple[str, Callable[[Satellite], Any]]] = [
-        ("mass, kg", lambda s: s.mass),
-        ("size, m", lambda s: s.size),
-        ("nominal principal moments, kg m^2", lambda s: np.diag(s.inertia)),
-        ("wheels", lambda s: s.wheels.count),
-        ("wheel torque limit, N m", lambda s: s.wheels.max_torque[0]),
-        ("wheel speed limit, rad/s", lambda s: s.wheels.max_speed[0]),
-        ("wheel spin inertia, kg m^2", lambda s: s.wheels.inertia[0]),
-        ("body rate limit, rad/s", lambda s: s.rate_limit),
-        ("gyro noise per sample, rad/s", lambda s: s.gyro_noise_std),
-        ("tachometer noise per sample, rad/s", lambda s: s.tachometer_noise_std),
-        ("disturbance, standard deviation about each axis, N m", lambda s: s.disturbance_std),
-    ]
-    rows = [[name, *(_numbers(of(s)) for s in SATELLITES.values())] for name, of in quantities]
-    return table(["", *SATELLITES], rows)
-
-
-def _numbers(value: Any) -> str:
-    return "-" if value is None else " ".join(f"{v:g}" for v in np.atleast_1d(value))
 
 
 def scenarios() -> str:
@@ -148,11 +126,20 @@ def faults() -> str:
     return table(["setting", "default", "scenario faults", "meaning"], rows)
 
 
-def settings(cls: type[Config]) -> str:
-    """Fields of a settings class with their defaults."""
-    said, default = meanings(cls), cls()
-    rows = [[f"`{name}`", _default(getattr(default, name)), said[name]] for name in _names(cls)]
-    return table(["setting", "default", "meaning"], rows)
+def settings(cls: type[Config], given: Config | None = None) -> str:
+    """Fields of a settings class with their defaults, or with the values `given`."""
+    said, own = meanings(cls), cls() if given is None else given
+    rows = [[f"`{name}`", _default(getattr(own, name)), said[name]] for name in _names(cls)]
+    return table(["setting", "default" if given is None else "value", "meaning"], rows)
+
+
+def calibration() -> str:
+    """Tolerances and star tracker of the scenario of that name."""
+    sensors = SCENARIOS["calibration"].sensors
+    assert sensors is not None
+    return "\n\n".join(
+        (settings(Tolerances, SCENARIOS["calibration"].tolerances), settings(StarTracker, sensors.star_tracker))
+    )
 
 
 def _default(value: Any) -> str:
@@ -191,6 +178,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "satellites": satellites,
         "scenarios": scenarios,
         "appendages": appendages,
+        "calibration": calibration,
         "gate": gates,
         "laws": laws,
         "faults": faults,

@@ -38,8 +38,10 @@ def rate_loops() -> str:
 
 def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
-    tables = [gate_table(_committed(f"gate_{name}", f"gate --scenario {name}", "rows")) for name in ("flex", "slosh")]
-    return "\n\n".join(tables)
+    return "\n\n".join(
+        gate_table(_committed(f"gate_{name}", f"gate --scenario {name}", "rows"))
+        for name in ("flex", "slosh", "calibration")
+    )
 
 
 def basilisk() -> str:
@@ -98,6 +100,11 @@ def gate_table(results: Mapping[str, Any]) -> str:
             ]
         )
     head = ["expected error, %", "over the oracle", "final error, %", "NEES (median)", "largest cost, %", "ended, %"]
+    if all("expected_at_end" in own for own in results["rows"]):
+        head.insert(2, "expected at the end, %")
+        for cells, own in zip(rows, results["rows"], strict=True):
+            value = own["expected_at_end"]
+            cells.insert(4, "-" if value is None else f"{100.0 * value:.3f}")
     said = (
         "Scenario {scenario}, {satellite}, {inertia}: {tuned} tuning and {episodes} validation episodes, {oracle} of "
         "these for the oracle. The expected error is the filter's own, mean over the flight. Revision "

@@ -34,6 +34,7 @@ class Flown:
         nees: normalised estimation error squared, mean over the time that was flown.
         costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
         terminated: whether it ended early; no cost says so.
+        expected_at_end: relative error that the filter expects then; infinite where it ended early.
     """
 
     expected: np.ndarray
@@ -41,6 +42,7 @@ class Flown:
     nees: np.ndarray
     costs: np.ndarray
     terminated: np.ndarray
+    expected_at_end: np.ndarray
 
     def inside(self, limit: float) -> bool:
         """Whether no episode ended early and each cost, in the mean over episodes, is at most a limit."""
@@ -58,29 +60,46 @@ class Flown:
 def flown(cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = None) -> Flown:
     """Scores of a policy that commands rates; `told` may change what it observes.
 
-    What the filter expects follows from its information, which must be that of "logdet": in nats, it is the number p
-    of parameters times the logarithm of the geometric mean of prior std over std.
+    Errors are in units of the rotors' mean inertia: a factor on all of them and on the inertia, which no excitation
+    finds, is in neither. What the filter expects is the geometric mean of the parameters' std, from the determinant of
+    their covariance.
     """
-    settings = {"control": "rate", "reward": "logdet", **observation_settings(policy)}
+    settings = {"control": "rate", **observation_settings(policy)}
     env = SatInertiaIDVectorEnv(len(seeds), cell.satellite, cell.inertia, cell.scenario, **settings)
     policy.reset(missions(env.problem)[0], seeds)
     observation, info = env.reset(seed=list(seeds))
-    beliefs = env.fleet.rows.beliefs
-    prior = np.exp(np.log(beliefs["prior_theta_std"] / beliefs["theta_scale"]).mean(axis=1))  # relative std
-    parameters = beliefs["theta_scale"].shape[1]
     count, steps = len(seeds), env.problem.scenario.decisions
     alive, error = np.ones(count, bool), np.zeros(count)
     expected, nees, costs = np.zeros(count), np.zeros(count), np.zeros((count, len(COSTS)))
-    lived = np.zeros(count)
+    now, lived = np.zeros(count), np.zeros(count)
     for _ in range(steps):
         if told is not None:
             observation = told(env, observation)
         observation, _, terminated, _, info = env.step(policy(observation))
         lived += alive
-        error = np.where(alive, info["relative_error"], error)
-        expected += np.where(alive, prior * np.exp(-info["information_held"] / parameters), np.inf) / steps
+        error = np.where(alive, _error(env), error)
+        now = np.where(alive, _expected(env), np.inf)
+        expected += now / steps
         nees += np.where(alive, info["nees"], 0.0)
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
         alive &= ~terminated
     env.close()
-    return Flown(expected, error, nees / lived, costs / lived[:, None], ~alive)
+    return Flown(expected, error, nees / lived, costs / lived[:, None], ~alive, np.where(alive, now, np.inf))
+
+
+def _expected(env: SatInertiaIDVectorEnv) -> np.ndarray:
+    """Geometric mean (N,) of the parameters' std over their scale."""
+    beliefs = env.fleet.rows.beliefs
+    scale = beliefs["theta_scale"]
+    p = scale.shape[1]
+    covariance = beliefs["covariance"][:, 3 : 3 + p, 3 : 3 + p]
+    return np.exp(0.5 * np.linalg.slogdet(covariance)[1] / p - np.log(scale).mean(axis=1))
+
+
+def _error(env: SatInertiaIDVectorEnv) -> np.ndarray:
+    """Relative error (N,) of the estimate, times the factor of the true rotors' mean inertia."""
+    reports, plants = env.fleet.rows.reports, env.fleet.rows.plants
+    factor = (plants["wheel_inertia"] / env.fleet.rows.beliefs["wheel_inertia"]).mean(axis=1)
+    true = reports["inertia_true"].reshape(len(factor), -1)
+    estimate = reports["inertia_estimate"].reshape(len(factor), -1)
+    return np.linalg.norm(factor[:, None] * estimate - true, axis=1) / np.linalg.norm(true, axis=1)

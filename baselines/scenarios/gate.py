@@ -4,11 +4,11 @@ Flies, by body rates, from nothing to an oracle:
 
 - zero and random;
 - the paper's eight profiles, and square waves of rate, each with its best settings inside all limits;
-- `shaped_square`, which spares the modes, with its best settings inside all limits;
+- the closed loop made for the scenario, `shaped_square` or `swing_and_stop`, with its best settings inside all limits;
 - learned policies that are named, as they are;
-- an oracle that is told the true modes and searches the settings of each episode by the cross-entropy method.
+- an oracle that is told the true modes, or the sky, and searches the plan of each episode by the cross-entropy method.
 
-The oracle searches settings of `shaped_square` alone: what it finds bounds that family of excitations, not all of them.
+The oracle searches settings of that closed loop alone: what it finds bounds that family of excitations, not all.
 
 Settings are chosen on tuning seeds and flown on validation seeds. What is compared is the error that the filter
 expects, its mean over the flight, and not the one that is found at its end: of many plans an oracle would else choose a
@@ -31,7 +31,7 @@ from baselines.command import cli
 from baselines.command.cluster import RayAddress, each
 from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell, Flown, flown
-from baselines.scenarios.oracle import search
+from baselines.scenarios.oracle import PLANS, search
 from baselines.scenarios.rivals import choose, rivals
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import seeds
@@ -78,8 +78,8 @@ class Gate:
         """Check the settings before any work.
 
         Raises:
-            ValueError: a name is unknown or taken, a number is out of range, a policy cannot fly here, or there are no
-            modes to tell an oracle.
+            ValueError: a name is unknown or taken, a number is out of range, a policy cannot fly here, or there is no
+            plan for an oracle to search.
         """
         check_names("scenario", [self.scenario], SCENARIOS)
         check_names("satellite", [self.satellite], SATELLITES)
@@ -88,10 +88,10 @@ class Gate:
         check_integer("tuned", self.tuned)
         check_integer("episodes", self.episodes)
         check_integer("oracle", self.oracle, low=0, high=self.episodes)
-        if self.oracle > 0 and SCENARIOS[self.scenario].appendages is None:
+        if self.oracle > 0 and self.scenario not in PLANS:
             raise ValueError(
-                f"scenario {self.scenario!r} has no panels or tank whose modes the oracle could be told: give one that "
-                "has, such as flex, or --oracle 0"
+                f"scenario {self.scenario!r} has no plan for the oracle to search: give one that has, such as flex, or "
+                "--oracle 0"
             )
 
         taken = [*rivals(self.scenario), "oracle"]
@@ -121,6 +121,7 @@ def row(gate: Gate, entry: Entry, oracle: Flown | None) -> dict[str, Any]:
         "episodes": len(flight.error),
         "expected": _mean(flight.expected),
         "over_oracle": None if oracle is None else over(flight, oracle),
+        "expected_at_end": _mean(flight.expected_at_end),
         "final_error": float(flight.error.mean()),
         "nees": float(flight.nees.mean()),
         "nees_median": float(np.median(flight.nees)),
@@ -142,15 +143,24 @@ def _mean(expected: np.ndarray) -> float | None:
 
 def show(rows: list[dict[str, Any]]) -> None:
     """Print a line for each policy, and how the rungs of the ladder compare."""
-    heads = {"expected, %": 12, "over oracle": 12, "final error, %": 15, "NEES (median)": 14, "largest cost, %": 22}
+    heads = {
+        "expected, %": 12,
+        "over oracle": 12,
+        "at the end, %": 14,
+        "final error, %": 15,
+        "NEES (median)": 14,
+        "largest cost, %": 22,
+    }
     print(f"{'policy':16s} " + " ".join(f"{head:>{width}s}" for head, width in heads.items()) + " ended")
     for own in rows:
         worst = max(own["costs"], key=own["costs"].get)
-        expected = "-" if own["expected"] is None else f"{100 * own['expected']:.4f}"
+        expected, at_end = (
+            "-" if own[name] is None else f"{100 * own[name]:.4f}" for name in ("expected", "expected_at_end")
+        )
         nees, cost = f"{own['nees']:.2f} ({own['nees_median']:.2f})", f"{worst} {100 * own['costs'][worst]:.2f}"
         print(
-            f"{own['policy']:16s} {expected:>12s} {_ratio(own):>12s} {100 * own['final_error']:15.4f} {nees:>14s} "
-            f"{cost:>22s} {100 * own['terminated']:4.0f} %"
+            f"{own['policy']:16s} {expected:>12s} {_ratio(own):>12s} {at_end:>14s} {100 * own['final_error']:15.4f} "
+            f"{nees:>14s} {cost:>22s} {100 * own['terminated']:4.0f} %"
         )
     inside = {own["policy"]: own for own in rows if own["inside"]}
     print("inside all limits: " + ", ".join(inside))

@@ -1,4 +1,7 @@
-"""Oracle of a gate: it is told the true modes, and searches the settings of each episode."""
+"""Oracle of a gate: it flies the true episode again and again, and searches the plan of each.
+
+A plan is a baseline with settings of its own for each episode, told the truth about what is hidden there.
+"""
 
 from __future__ import annotations
 
@@ -9,71 +12,17 @@ from tqdm import tqdm
 
 from baselines.command import cluster
 from baselines.scenarios.flights import Cell, Flown, flown
-from satid_gym.core.observation import BOUND, MODE_PARTS
-from satid_gym.policies.shaped_square import ShapedSquarePolicy
-from satid_gym.policy import Mission
-from satid_gym.vector import SatInertiaIDVectorEnv
+from baselines.scenarios.shaped_plan import ShapedPlan
+from baselines.scenarios.swing_plan import SwingPlan
 
 _POPULATION, _ROUNDS = 32, 6  # of the search, for each episode
 _ELITE = 0.25  # of the population
 _SPREAD = 0.6  # std of the first population about the typical settings
 _STRAY = 100.0  # by which a cost beyond its limit counts in the search
-_TYPICAL = {"period": 24.0, "share": 0.6, "dwell": 0.5, "amplitude": 0.8}
-_SIZES = {"period": 3, "share": 1, "dwell": 1, "amplitude": 1, "shift": 1}
-_EDGES = np.cumsum([0, *_SIZES.values()]).tolist()
-_PLACES = {name: slice(*_EDGES[i : i + 2]) for i, name in enumerate(_SIZES)}
-_FREQUENCY = 1  # place in the drawn scale of an oscillator: mass, frequency, damping
-_KNOWN = -BOUND  # observed standard deviation of what is known exactly
 
 
-def with_true_modes(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:
-    """Observations in which frequency and deflection of the only mode, that of one tank or mirrored pair, are true.
-
-    Its deflection is that of the pair's mean times the limit of eta over that of angle or travel; the mass in both is
-    the filter's, and what a policy does with their ratio is free of it.
-    """
-    rows, places = env.fleet.rows, dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
-    modes, limit, told = rows.beliefs["modes"], rows.tasks["deflection_limit"], observation.copy()
-    part = told[:, env.problem.layout["modes"]].reshape(len(told), -1, sum(MODE_PARTS.values()))
-    o, nominal = rows.plants["oscillators"], modes["frequency"][:, 0]
-    if np.isfinite(limit).all():
-        rung = np.linalg.norm(modes["coupling"][:, 0], axis=1) * rows.tasks["rate_limit"]
-        growth = np.linalg.norm(modes["d"][:, 0], axis=1) / np.linalg.norm(modes["coupling"][:, 0], axis=1)
-        eta = modes["limit"][:, 0] * growth / limit[:, 0]  # by angle or travel, at the mass that the filter believes
-        part[:, 0, places["deflection"]] = o["deflection"].mean(axis=1) * eta * nominal / rung
-        part[:, 0, places["deflection_rate"]] = o["speed"].mean(axis=1) * eta / rung
-    cycles = nominal * o["scale"][:, 0, _FREQUENCY] * env.problem.scenario.decision_period / (2.0 * np.pi)
-    part[:, 0, places["frequency"]], part[:, 0, places["frequency_std"]] = cycles, _KNOWN
-    told[:, env.problem.layout["modes"]] = part.reshape(len(told), -1)
-    return told
-
-
-class Plan(ShapedSquarePolicy):
-    """`shaped_square` with settings of its own for each episode, those of the oracle's search.
-
-    Args:
-        points: (N, 7) where the search looks: logarithms of settings over typical ones, three of them the axes'
-            periods, and a shift of phase in quarters of a period.
-    """
-
-    def __init__(self, points: np.ndarray) -> None:
-        super().__init__(caution=0.0)
-        given = {name: typical * np.exp(points[:, _PLACES[name]]) for name, typical in _TYPICAL.items()}
-        self.period, self.dwell = given["period"], given["dwell"]  # type: ignore[assignment]
-        self.share = np.minimum(given["share"][:, 0], 1.0)  # type: ignore[assignment]
-        self.amplitude = np.minimum(given["amplitude"], 1.0)  # type: ignore[assignment]
-        self._shift = points[:, _PLACES["shift"]]
-
-    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
-        """Prepare, each episode with its own phase."""
-        super().reset(mission, seeds)
-        self._phase += 0.25 * self._shift
-
-    def told(self, env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:
-        """What it observes, with true modes; the first observation has their data sheet, which it notes."""
-        if self._sheet is None:
-            self.note_sheet(observation)
-        return with_true_modes(env, observation)
+PLANS: dict[str, type[ShapedPlan | SwingPlan]] = {"flex": ShapedPlan, "slosh": ShapedPlan, "calibration": SwingPlan}
+"""Plan that the oracle searches, by scenario: a policy of points (N, size), 0 the typical one."""
 
 
 def search(
@@ -94,7 +43,7 @@ def search(
         rounds: how often.
         ray: address of a cluster that searches, an episode a task; see `baselines.command.cluster`.
     """
-    draws = np.random.default_rng(0).standard_normal((rounds, len(seeds), population, _EDGES[-1]))
+    draws = np.random.default_rng(0).standard_normal((rounds, len(seeds), population, PLANS[cell.scenario].size))
     if ray is None:
         return _search(cell, seeds, limit, draws)
     calls = [(cell, [seed], limit, draws[:, [i]]) for i, seed in enumerate(seeds)]
@@ -110,7 +59,7 @@ def _search(cell: Cell, seeds: Sequence[int], limit: float, draws: np.ndarray) -
     for drawn in tqdm(draws, desc="oracle", unit="round"):
         points = mean + std * drawn
         points[:, 0] = mean[:, 0]
-        plan = Plan(points.reshape(-1, size))
+        plan = PLANS[cell.scenario](points.reshape(-1, size))
         flight = flown(cell, plan, np.repeat(seeds, population).tolist(), plan.told)
         order = np.argsort(_value(flight, limit).reshape(episodes, -1), axis=1)
         here = flight.take(order[:, 0] + population * np.arange(episodes))

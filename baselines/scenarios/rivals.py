@@ -11,14 +11,17 @@ from baselines.scenarios.flights import Cell, flown
 from satid_gym.evaluation import seeds
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
+from satid_gym.policies.registry import build
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.policies.swing_and_stop import SwingAndStopPolicy
 from satid_gym.policy import Policy, observation_settings
 from satid_gym.profiles import PROFILES
 from satid_gym.scenario_catalogue import SCENARIOS
 
 Trial = tuple[dict[str, float], Policy]
 AMPLITUDES = np.geomspace(0.01, 0.95, 20).round(3).tolist()  # of the rate limit
+_COARSE = 3  # of which every so many are tried where episodes are long: 0.013 to 0.95, a factor of 2 apart
 _INSIDE = -1.0  # ranks before any share of episodes that ended
 PERIODS = (12.0, 24.0, 48.0, 96.0, 192.0)  # s
 SHAPES = [
@@ -28,32 +31,47 @@ SHAPES = [
     for dwell in (0.0, 0.5, 1.0)
     for amplitude in (0.7, 1.0)
 ]
+SWINGS = [
+    {"swing": swing, "look": look, "amplitude": amplitude}
+    for swing in (6.0, 8.0, 12.0, 16.0)
+    for look in (1.0, 2.0, 4.0)
+    for amplitude in (0.7, 1.0)
+]
 
 
 def rivals(scenario: str) -> dict[str, list[Trial]]:
     """Settings to try of each policy, by its name."""
+    amplitudes = AMPLITUDES[1::_COARSE] if _has_tracker(scenario) else AMPLITUDES
     loud: dict[str, list[Trial]] = {
-        name: [({"amplitude": a}, ScriptedPolicy(name, profile, a)) for a in AMPLITUDES]
+        name: [({"amplitude": a}, ScriptedPolicy(name, profile, a)) for a in amplitudes]
         for name, profile in PROFILES.items()
     }
     squares: list[Trial] = [
         ({"period": period, "amplitude": a}, Quieter(RateSquarePolicy(period, 3.5), a))
         for period in PERIODS
-        for a in AMPLITUDES
+        for a in amplitudes
     ]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
+    swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     return {
         "zero": [({}, ZeroPolicy())],
         "random": [({}, RandomPolicy())],
         **loud,
         "rate_square": squares,
         **({"shaped_square": shaped} if _has_limit(scenario) else {}),
+        **({"swing_and_stop": swings, **planned} if _has_tracker(scenario) else {}),
     }
 
 
 def _has_limit(scenario: str) -> bool:
     appendages = SCENARIOS[scenario].appendages
     return appendages is not None and appendages.deflection_limit is not None
+
+
+def _has_tracker(scenario: str) -> bool:
+    sensors = SCENARIOS[scenario].sensors
+    return sensors is not None and sensors.star_tracker is not None
 
 
 class Quieter:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from satid_gym.core.algebra import load, store
 from satid_gym.core.belief import announcement, filters
 from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import inline, kernel, outline
@@ -162,6 +163,7 @@ def start(rows, i, work):
     filters.start(belief, work, plant.gyro, plant.tachometer)
     if plant.tracker.fresh != 0:
         filters.condition_attitude(belief, work, plant.tracker.reading)
+    store(task.sun, load(plant.tracker.sun))  # by the ephemeris, which those who fly the satellite have
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = 0
         report.torque_applied[k] = 0.0

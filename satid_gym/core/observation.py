@@ -2,7 +2,7 @@
 
 In the form "wheels" speeds and previous action are observed wheel by wheel. In the form "body" what the wheels do to
 the body takes their place, so that a policy does not depend on how many there are, and NIS and modes are observed too.
-Where there is a star tracker, both forms have what is known of the attitude.
+Where there is a star tracker, both forms have what is known of the attitude, and where Sun and Earth are that blind it.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from typing import Literal
 
 import numpy as np
 
-from satid_gym.core.algebra import add, cross, inverse, multiply
+from satid_gym.core.algebra import add, cross, inverse, load, multiply
 from satid_gym.core.belief import attitude, filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import ObservationForm
+from satid_gym.core.rotation import to_body
 from satid_gym.core.wheels import reachable, speed_shares, sum_wheels, wheel_momentum
 
 Form = Literal["wheels", "body"]
@@ -44,13 +45,14 @@ def layout(
     actions: int | None = None,
     tells_attitude: bool = False,
     tells_walk: bool = False,
+    tells_sky: tuple[bool, bool] = (False, False),
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
     numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
-    walk of the inertia that it uses is observed.
+    walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are.
     """
     body = form == "body"
     sizes = {
@@ -70,6 +72,9 @@ def layout(
         sizes["nis"], sizes["modes"] = 1, mode_count * sum(MODE_PARTS.values())
     if tells_attitude:
         sizes["attitude_uncertainty"], sizes["attitude_age"] = 3, 1
+    for name, tells in zip(("sun", "earth"), tells_sky, strict=True):
+        if tells:
+            sizes[name] = 3
     if tells_walk:
         sizes["inertia_walk"] = 1
     if others > 0:
@@ -145,6 +150,7 @@ def observe(belief, task, gyro, tachometer, out):
         i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 1.0, 0.0)))
         i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 0.0, 1.0)))
         i = _write(out, i, belief.attitude.age / decision_period)
+        i = _observe_sky(belief, task, out, i)
     if task.tells_walk != 0:
         i = _write(out, i, _log_share(whiteness.inertia_walk(belief)))
     if i < out.shape[0]:
@@ -203,6 +209,25 @@ def _observe_modes(belief, task, omega, out, i):
         i = _write(out, i, _log_share(np.sqrt(covariance[at + 3, at + 3])))
         i = _write(out, i, _log_share(own.zeta[m]))
         i = _write(out, i, _log_share(np.sqrt(covariance[at + 4, at + 4])))
+    return i
+
+
+@outline
+def _observe_sky(belief, task, out, i):
+    """Write the directions of Sun and Earth in the body frame, by the ephemeris and the estimated attitude.
+
+    The Earth is where `core.truth.star_tracker` says; 0 where the attitude is not known.
+    """
+    known = 1.0 if attitude.is_known(belief) else 0.0
+    q, angle = belief.attitude.quaternion, task.orbit_rate * task.decision * task.samples * task.sample_period
+    if task.tells_sun != 0:
+        sun = to_body(q, load(task.sun))
+        for k in range(3):
+            i = _write(out, i, known * sun[k])
+    if task.tells_earth != 0:
+        earth = to_body(q, (np.cos(angle), np.sin(angle), 0.0))
+        for k in range(3):
+            i = _write(out, i, known * earth[k])
     return i
 
 

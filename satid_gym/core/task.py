@@ -47,6 +47,10 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("effort_weight", FLOAT),
             ("observation", INT),  # an ObservationForm
             ("tells_walk", INT),  # whether the filter's walk of the inertia is observed
+            ("tells_sun", INT),  # whether it is observed where the Sun is, relative to the body
+            ("tells_earth", INT),  # likewise the Earth
+            ("sun", FLOAT, 3),  # direction of the Sun by the ephemeris, inertial frame; 0: not told
+            ("orbit_rate", FLOAT),  # rad/s
             ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected
             ("nis_count", INT),  # of these readings
             ("command", FLOAT, actions),  # previous action

@@ -42,6 +42,13 @@ class EstimatorSettings(Config, abc.ABC):
         """Whether it estimates the attitude for such a data sheet."""
         return False
 
+    def tells_sky(self, sheet: DataSheet) -> tuple[bool, bool]:
+        """Whether it can tell where Sun and Earth are, which matters where they blind a star tracker."""
+        tracker = sheet.sensors.star_tracker
+        if tracker is None or not self.tells_attitude(sheet):
+            return False, False
+        return tracker.sun_exclusion is not None, tracker.earth_exclusion is not None
+
     @abc.abstractmethod
     def other_states(self, sheet: DataSheet) -> int:
         """Number of the filter's states that are no inertia parameters, for such a data sheet."""

@@ -13,7 +13,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
-from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, wheel_reading
+from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, sun_direction, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings
 from satid_gym.problem import problem
@@ -92,7 +92,9 @@ class Pilot:
             raise RuntimeError("there is no estimate yet: call start(time, gyro, wheel_speed) first")
         return estimate_of(self._beliefs[0], self._time, self._nis)
 
-    def start(self, time: float, gyro: object, wheel_speed: object, attitude: object = None) -> np.ndarray:
+    def start(
+        self, time: float, gyro: object, wheel_speed: object, attitude: object = None, sun: object = None
+    ) -> np.ndarray:
         """Begin a flight, or begin again.
 
         Args:
@@ -100,20 +102,25 @@ class Pilot:
             gyro: (3,) rad/s, body frame.
             wheel_speed: (n,) relative to the body, rad/s.
             attitude: (4,) of the star tracker, a quaternion from body to inertial, scalar last; None: no new one.
+            sun: (3,) direction of the Sun, inertial frame, which is observed where the Sun blinds the star tracker;
+                None: it is observed as 0. The Earth is taken as the environment has it, at the inertial
+                (cos nt, sin nt, 0) with t from the start.
 
         Returns:
             (n,) motor torque on the wheels to command, N m; the body feels the opposite.
 
         Raises:
-            ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit), or an attitude
-                is given and the satellite has no star tracker.
+            ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit), an attitude is
+                given and the satellite has no star tracker, or the Sun's direction is none.
         """
         time = check_number("time", time, low=-np.inf)
+        towards = np.zeros(3) if sun is None else sun_direction(sun)
         readings = self._judge(gyro, wheel_speed, attitude)
         if any(reading.value is None for reading in readings[:2]) or readings[2].absence == "refused":
             raise ValueError("; ".join(reading.message for reading in readings if reading.absence))
         (rate, *_), (speed, *_), (turned, *_) = readings
         self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
+        self._tasks["sun"] = towards
         self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
         self._begun = self._time = self._seen = self._heard = self._steered = time
         self._decided, self._passed, self._nis, self.status = 0, 0, np.nan, Status(state="flying")

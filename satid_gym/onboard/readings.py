@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from satid_gym.config import real_array
 from satid_gym.satellite import Satellite
 
 SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading of more than so many limits is a wrong unit or a fault
@@ -57,6 +58,19 @@ def attitude_reading(value: object, satellite: Satellite) -> Reading:
         length = np.linalg.norm(reading.value)
         return Reading(None, "refused", f"attitude is no quaternion of length 1, but of {length:.4g}")
     return reading
+
+
+def sun_direction(value: object) -> np.ndarray:
+    """Direction of the Sun as a unit vector (3,).
+
+    Raises:
+        ValueError: it is no direction.
+    """
+    given = real_array("sun", value, (3,))
+    length = float(np.linalg.norm(given))
+    if length == 0.0:
+        raise ValueError("sun must be a direction in the inertial frame, got (0, 0, 0)")
+    return given / length
 
 
 def _reading(name: str, value: object, limit: np.ndarray, compared: str, unit: str) -> Reading:

@@ -24,6 +24,7 @@ from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.policies.swing_and_stop import SwingAndStopPolicy
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
 
@@ -70,7 +71,10 @@ BASELINES: dict[str, Baseline] = {
     "random": Baseline(make=RandomPolicy, tuned=False),
     "zero": Baseline(make=ZeroPolicy, tuned=False),
 }
-RATE_BASELINES: dict[str, Baseline] = {"shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False)}
+RATE_BASELINES: dict[str, Baseline] = {
+    "shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False),
+    "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
+}
 """Baselines for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)
 

@@ -7,6 +7,7 @@ import numpy as np
 from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, series_colour, shade
 from satid_gym.rendering.history import History
 from satid_gym.rendering.scene import Scene, stars
+from satid_gym.rendering.sky import Sky
 from satid_gym.rendering.strip import Strip
 
 UNITS = 480  # width and height of a frame, the unit of the coordinates below
@@ -46,9 +47,14 @@ def _head(canvas: Canvas, history: History) -> None:
 def _scene(canvas: Canvas, history: History) -> None:
     canvas.clip(0.0, 33.0, 272.0, 225.0)
     stars(canvas, 4.0, 37.0, 264.0, 217.0)
-    scene = Scene(canvas, (136.0, 144.0), 82.0, history)
-    scene.draw()
+    tracker = history.satellite.sensors.star_tracker
+    sky = None if tracker is None else Sky(history, tracker)
+    place, radius = ((136.0, 144.0), 82.0) if sky is None else ((168.0, 140.0), 74.0)
+    scene = Scene(canvas, place, radius, history)
+    scene.draw(sky)
     scene.scale_bar(262.0, 250.0)
+    if sky is not None:
+        sky.map(canvas, (50.0, 98.0), 42.0)
     canvas.unclip()
 
 

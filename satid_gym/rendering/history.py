@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from satid_gym.laws import LAW_NAMES
 from satid_gym.oscillators import oscillator_count
@@ -17,16 +18,20 @@ class History:
         decisions: number of decisions of the episode.
         decision_period: duration of a decision, s.
         law: number of the inertia law in the core.
+        orbit_rate: rad/s.
 
     Attributes:
         count: number of entries so far.
     """
 
-    def __init__(self, satellite: Satellite, decisions: int, decision_period: float, law: int) -> None:
-        self.satellite = satellite
+    def __init__(
+        self, satellite: Satellite, decisions: int, decision_period: float, law: int, orbit_rate: float = 0.0
+    ) -> None:
+        self.satellite, self.orbit_rate = satellite, orbit_rate
         self.horizon = decisions * decision_period
         self.mode = LAW_NAMES[law]
         self.count = 0
+        self.sun = np.zeros(3)  # direction of the Sun, inertial frame, where it blinds a star tracker
         size, n = decisions + 1, satellite.wheels.count
         self._series = {
             "time": np.zeros(size),
@@ -39,6 +44,7 @@ class History:
             "std": np.zeros((size, 3)),
             "relative_error": np.zeros(size),
             "outside": np.zeros(size),
+            "tracks": np.zeros(size),
             "deflection": np.zeros((size, oscillator_count(satellite.oscillators))),
         }
 
@@ -54,6 +60,7 @@ class History:
         self._series["std"][i] = np.sqrt(np.diag(belief["covariance"])[3:6] + common)
         self._series["relative_error"][i] = report["relative_error"]
         self._series["outside"][i] = report["outside"]
+        self._series["tracks"][i], self.sun = plant["tracker"]["tracks"], plant["tracker"]["sun"].copy()
         self.count += 1
 
     def _noted(self, name: str) -> np.ndarray:
@@ -108,6 +115,21 @@ class History:
     def outside(self) -> float:
         """Share of the time so far with a rate outside its limit."""
         return float(self._noted("outside")[1:].mean()) if self.count > 1 else 0.0
+
+    @property
+    def tracks(self) -> np.ndarray:
+        """(N,) whether the star tracker sees its stars, 1 or 0."""
+        return self._noted("tracks")
+
+    @property
+    def earth(self) -> np.ndarray:
+        """(3,) direction of the Earth at the last entry, inertial frame; see `core.truth.star_tracker`."""
+        angle = self.orbit_rate * self.time[-1]
+        return np.array([np.cos(angle), np.sin(angle), 0.0])
+
+    def to_body(self, direction: np.ndarray) -> np.ndarray:
+        """An inertial direction (3,) in the body frame of the last entry."""
+        return Rotation.from_quat(self.attitude[-1]).inv().apply(direction)
 
     @property
     def deflection(self) -> np.ndarray:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from satid_gym.rendering.appendages import Appendages, extent
 from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, Colour, series_colour, shade
 from satid_gym.rendering.history import History
+from satid_gym.rendering.sky import Sky
 from satid_gym.satellite import ReactionWheels, Satellite
 
 MOMENTUM_COLOUR: Colour = (255, 205, 92)
@@ -73,8 +74,8 @@ class Scene:
         """Coordinates (..., 2) on the canvas of points (..., 3) in the view frame."""
         return self.centre + view[..., :2] * np.array([1.0, -1.0])
 
-    def draw(self) -> None:
-        """Draw everything, from back to front."""
+    def draw(self, sky: Sky | None = None) -> None:
+        """Draw everything, from back to front, with the star tracker of a sky."""
         appendages = Appendages(self)
         self.inertial_axes()
         appendages.panels(front=False)
@@ -86,6 +87,8 @@ class Scene:
         appendages.masses()
         self.faces(front=True)
         appendages.panels(front=True)
+        if sky is not None:
+            sky.cone(self)
         self.body_axes()
         self.vectors()
         share = appendages.share()

@@ -71,6 +71,8 @@ CASES: dict[str, dict[str, Any]] = {
     "rates, friction": {"control": "rate", "scenario": {"friction": {"coulomb": 5e-3, "static": 8e-3}}},
     "rates, flex, body": {"scenario": "flex", "control": "rate", "observation": "body", "inertia": "static"},
     "slosh, smallsat": {"satellite": "smallsat", "scenario": "slosh", "inertia": "step"},
+    "rates, calibration, body": {"scenario": "calibration", "control": "rate", "observation": "body"},
+    "calibration, smallsat": {"satellite": "smallsat", "scenario": "calibration", "inertia": "static"},
 }
 
 
