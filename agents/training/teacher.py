@@ -42,23 +42,29 @@ class TeacherSettings(Task):
     rounds: int = 6
     """Rounds of flights; the teacher flies the first, the network the others."""
     episodes: int = 24
-    """Episodes a round on each satellite with each factor on its wheels."""
+    """Episodes a round on each satellite with each factor on its wheels; a drawn one flies one inertia mode."""
     taught: float = 0.15
     """Share of the later rounds' episodes that the teacher flies."""
     edits: int = 24
     """Edits of the plan that the teacher tries in each decision."""
+    horizon: int = 40
+    """Decisions that the teacher plans ahead."""
     steps: int = 4
     """Steps of the teacher's forecast in each decision."""
     walks: tuple[float, ...] = (ADAPTIVE_WALK, ADAPTIVE_WALK, 0.0003, 0.004)
     """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
     random walk of the inertia, per sqrt(s). It is told the mode, the network is not. For a law of one's own it plans
     with the first."""
+    tracked: bool = False
+    """Whether the environment's own rate loop flies the rates (its `control="rate"`). The network then sees the wheels
+    by what they do to the body, and the random walk that the filter uses."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("rounds", "edits", "steps"):
+        for name in ("rounds", "edits", "horizon", "steps"):
             check_integer(name, getattr(self, name))
-        check_integer("episodes, which are shared among the inertia modes,", self.episodes, low=len(self.modes))
+        low = len(self.modes) if self.satellite != DRAWN else 1
+        check_integer("episodes, which are shared among the inertia modes,", self.episodes, low=low)
         check_number("taught", self.taught, high=1.0)
         if len(self.walks) != len(INERTIA_MODES):
             raise ValueError(
@@ -102,6 +108,8 @@ def teach(network: Network | None, satellite: Satellite, settings: TeacherSettin
         Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.side_value`; float32.
     """
     chosen, modes = seeds("training", settings.episodes, flown), settings.modes
+    if settings.satellite == DRAWN:
+        modes = (modes[flown // settings.episodes % len(modes)],)
     shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes)]
     said = [_teach(network, satellite, mode, settings, share) for mode, share in shares]
     return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
@@ -118,7 +126,7 @@ def _teach(
     (mission,) = missions((beside or env).problem)
     loop = rate_loop([mission], settings.margin)
     walk = settings.walks[INERTIA_MODES.index(mode) if mode in INERTIA_MODES else 0]  # type: ignore[arg-type]
-    teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin, walk=walk)
+    teacher = MPCPolicy(settings.horizon, settings.steps, settings.edits, settings.margin, walk)
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)
     planned = observation if beside is None else beside.reset(seed=chosen)[0]
