@@ -24,6 +24,7 @@ from satid_gym.metrics import BEYOND_MAX, beyond_envelope
 from satid_gym.policies.learned import LearnedPolicy, Network
 
 SCORES = ("reward", "final_error", "mean_error", "outside_fraction", "saturated_fraction", "nees")
+_ROWS_SHOWN = 6  # scores of more satellites are shown as their mean
 
 
 def network_of(layers: Iterable[torch.nn.Module], activation: str = "tanh", squashed: bool = False) -> Network:
@@ -58,9 +59,20 @@ def merit(rows: list[dict[str, Any]]) -> float:
     return float(np.exp(np.mean(np.log(errors)))) * max(1.0, beyond / BEYOND_MAX)
 
 
+def condensed(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Validation scores with one row in place of many: of the errors the geometric mean, of all else the mean."""
+    if len(rows) <= _ROWS_SHOWN:
+        return rows
+    means = {name: float(np.mean([row[name] for row in rows])) for name in SCORES}
+    errors = {
+        name: float(np.exp(np.mean([np.log(row[name]) for row in rows]))) for name in ("final_error", "mean_error")
+    }
+    return [{"satellite": f"{len(rows)} satellites", **means, **errors}]
+
+
 def summary(rows: list[dict[str, Any]]) -> str:
     """Validation scores in a line."""
-    shown = ("final_error", "mean_error", "outside_fraction")
+    rows, shown = condensed(rows), ("final_error", "mean_error", "outside_fraction")
     text = "  ".join(" ".join([r["satellite"], *(f"{100 * r[name]:.3f}" for name in shown)]) for r in rows)
     return f"final, mean error and outside in %:  {text}"
 
