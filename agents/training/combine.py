@@ -35,11 +35,6 @@ class Combination:
     """Of the network and the order of the answers."""
     epochs: int = 12
     """Passes over all answers."""
-    turned: bool = False
-    """Whether the network also learns them as they are in body frames turned by right angles; of runs by rate commands
-    on satellites with the full tensor."""
-    hidden: tuple[int, ...] = ()
-    """Layers of the network; those of the runs by default."""
 
 
 def settings_of(runs: Sequence[Path]) -> list[ImitationSettings]:
@@ -82,22 +77,20 @@ def main(combination: Combination) -> None:
     with cli.user_errors():
         check_integer("epochs", combination.epochs)
         own = settings_of(combination.runs)
-        hidden = combination.hidden or own[0].hidden
-        settings = dataclasses.replace(own[0], seed=combination.seed, epochs=combination.epochs, hidden=hidden)
+        settings = dataclasses.replace(own[0], seed=combination.seed, epochs=combination.epochs)
         folder = combination.run or Path("runs") / f"{settings.name}-combined-{settings.seed}"
         if any((folder / name).exists() for name in ("run.json", "policy.json")):
             raise ValueError(f"{folder} holds a run already: choose another --run")
         said = answers_of(combination.runs, settings.rounds)
     torch.set_num_threads(1)
     start = time.perf_counter()
-    policy = policy_of(fit(said, settings, settings.epochs, combination.turned), settings)
+    policy = policy_of(fit(said, settings, settings.epochs), settings)
     seconds, decisions = time.perf_counter() - start, sum(len(x) for x, _ in said)
     rows = validate(policy, settings, settings.evaluation_episodes)
     policy.details = {
         "trained": {
             "method": "imitation",
             **result_head("agents.training.combine", settings.to_dict()),
-            "turned": combination.turned,
             "combined_seeds": [each.seed for each in own],
             "decisions": decisions,
             "seconds": round(seconds, 1),

@@ -25,7 +25,6 @@ from agents.training.clocks import set_clocks
 from agents.training.run import Run, RunOptions, network_of
 from agents.training.settings import ANEW
 from agents.training.teacher import Answers, TeacherSettings, answers, fly_round, save_round
-from agents.training.turns import turns
 from baselines.command import cli
 from satid_gym.config import check_integer
 from satid_gym.files import read_json, write_json
@@ -68,14 +67,13 @@ class ImitationSettings(TeacherSettings):
             check_integer(name, getattr(self, name))
 
 
-def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int, turned: bool = False) -> Network:
+def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Network:
     """A network whose commands have the advantages' signs, by logistic regression with Adam; magnitudes are weights.
 
     Args:
         said: what the teacher said, in as many pieces as there are.
         settings: of the run.
         epochs: passes over the decisions.
-        turned: whether each minibatch is seen in a body frame drawn among those of `agents.training.turns`.
     """
     observations, advantages = (np.concatenate(parts) for parts in zip(*said, strict=True))
     posed = problem(settings.pool(), scenario=settings.scenario, **settings.observed)
@@ -86,23 +84,17 @@ def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int, turne
         layers += [torch.nn.Linear(width, following), torch.nn.Tanh()]
     model = torch.nn.Sequential(*layers[:-1])
     set_clocks(model[0], posed)
+    x, y = torch.from_numpy(observations), torch.from_numpy((advantages > 0.0).astype(np.float32))
     weight = np.abs(advantages)
-    weight = np.minimum(weight / weight.mean(), _HEAVIEST)
+    weight = torch.from_numpy(np.minimum(weight / weight.mean(), _HEAVIEST))
     adam = torch.optim.Adam(model.parameters(), settings.learning_rate)
-    size = min(settings.batch_size, len(observations))
-    whole = len(observations) // size * size
-    count = epochs * (whole // size)
+    size = min(settings.batch_size, len(x))
+    count = epochs * (len(x) // size)
     decay = torch.optim.lr_scheduler.LinearLR(adam, 1.0, 0.01, count)
-    frames = turns(posed.layout) if turned else []
     for _ in tqdm(range(epochs), desc="fit", unit=" epochs", leave=False, disable=None):
-        for rows in torch.randperm(len(observations)).numpy()[:whole].reshape(-1, size):
-            seen, sides, weights = observations[rows], advantages[rows], weight[rows]
-            if frames:
-                frame = frames[int(torch.randint(len(frames), ()))]
-                seen, sides, weights = frame.observed(seen), frame.by_axis(sides), weights[:, frame.axes]
+        for rows in torch.randperm(len(x))[: len(x) // size * size].split(size):
             adam.zero_grad()
-            x, y, w = map(torch.from_numpy, (seen, (sides > 0.0).astype(np.float32), weights))
-            torch.nn.functional.binary_cross_entropy_with_logits(model(x), y, w).backward()
+            torch.nn.functional.binary_cross_entropy_with_logits(model(x[rows]), y[rows], weight[rows]).backward()
             adam.step()
             decay.step()
     network = network_of(model)
