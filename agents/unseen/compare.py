@@ -9,6 +9,7 @@ satellite, and the same command goes on after a stop.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,12 @@ from agents.unseen.flights import Row, by_satellite, episodes_of, flown, inside,
 from baselines.command import cli
 from baselines.command.provenance import result_head
 from satid_gym.config import check_integer, check_names
-from satid_gym.drawn_satellite import draw_satellites
+from satid_gym.drawn_satellite import SatelliteRanges, draw_satellites
 from satid_gym.evaluation import FIRST_SEED, Split, seeds
 from satid_gym.files import check_writable, read_json, write_json
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policy import Policy
+from satid_gym.satellite import Satellite
 
 TUNED = Path("docs/results/unseen_tuned.json")
 
@@ -38,6 +40,8 @@ class Unseen:
     against."""
     satellites: int = 200
     """Satellites, drawn."""
+    wheels: tuple[int, int] = SatelliteRanges().wheels
+    """Least and largest number of their wheels. Each number is compiled by itself, which takes a minute or two."""
     episodes: int = 4
     """Episodes of each with each inertia law."""
     planned: int = 1
@@ -58,7 +62,12 @@ class Unseen:
         for name in ("satellites", "episodes", "planned"):
             check_integer(name, getattr(self, name))
         check_names("split of seeds", [self.split], FIRST_SEED)
+        SatelliteRanges(wheels=self.wheels)
         self.entrants()
+
+    def drawn(self) -> tuple[Satellite, ...]:
+        """The satellites."""
+        return draw_satellites(seeds(self.split, self.satellites), SatelliteRanges(wheels=self.wheels))
 
     def entrants(self) -> dict[str, Policy]:
         """The policies by name.
@@ -82,8 +91,8 @@ def kept(settings: Unseen, head: dict[str, Any]) -> list[Row]:
     if not settings.output.exists():
         return []
     held = read_json(settings.output, "remove it, and the comparison starts again", keys=["settings", "rows"])
-    same = ("episodes", "planned", "split")
-    if any(held["settings"].get(name) != head["settings"][name] for name in same):
+    same = ("episodes", "planned", "split", "wheels")
+    if any(held["settings"].get(name) != json.loads(json.dumps(head["settings"][name])) for name in same):
         raise ValueError(f"{settings.output} holds a comparison with other {', '.join(same)}: give another --output")
     return held["rows"]
 
@@ -138,7 +147,7 @@ def main(settings: Unseen) -> int:
     first = next(iter(policies))
     done = {(row["satellite"], row["policy"]) for row in rows}
     with cli.on_interrupt("the same command goes on"):
-        for i, satellite in enumerate(tqdm(draw_satellites(chosen), desc="unseen", unit="satellite")):
+        for i, satellite in enumerate(tqdm(settings.drawn(), desc="unseen", unit="satellite")):
             missing = [policy for policy in policies.values() if (satellite.name, policy.name) not in done]
             for policy in missing:
                 count = episodes_of(policy.name, settings.episodes, settings.planned)

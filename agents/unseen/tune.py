@@ -26,13 +26,12 @@ from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.registry import PLANNERS, build
 
 INSIDE_MIN = 0.95  # share of the satellites
-_MARGINS = (2.75, 3.5)
 GRIDS: dict[str, list[dict[str, Any]]] = {
     "rate_square": [
-        {"period": period, "slews": slews, "margin": margin}
-        for period, slews, margin in itertools.product((6.0, 9.0, 12.0, 18.0, 24.0), (0.0, 1.5, 3.0, 6.0), _MARGINS)
+        {"period": period, "slews": slews, "margin": 3.5}
+        for period, slews in itertools.product((6.0, 9.0, 12.0, 18.0, 24.0), (0.0, 4.0))
     ],
-    "mpc": [{"margin": margin, "include_walk": walk} for margin, walk in itertools.product(_MARGINS, (False, True))],
+    "mpc": [{"margin": margin} for margin in (2.75, 3.5)],
 }
 
 
