@@ -9,9 +9,11 @@ from agents.training.imitation import ImitationSettings
 from agents.training.ppo import PPOSettings
 from agents.training.run import SCORES, condensed
 from agents.training.train import named
+from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import FIRST_SEED
+from satid_gym.policies import find
 from satid_gym.policies.rate_square import RateSquarePolicy
-from satid_gym.policy import missions
+from satid_gym.policy import missions, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES
 
@@ -58,3 +60,18 @@ def test_a_slow_satellite_gets_a_longer_period(slews, period):
     sides = np.array([np.sign(policy(shown)[0, 0]) for _ in range(18)])
     expected = np.where(np.mod((np.arange(18) + 0.5) / period, 1.0) < 0.5, 1.0, -1.0)
     np.testing.assert_array_equal(sides, expected)
+
+
+@pytest.mark.parametrize("wheels", range(3, 9))
+@pytest.mark.parametrize("parameters", ["principal", "full"])
+def test_the_shipped_policy_takes_any_number_of_wheels_and_both_filters(wheels, parameters):
+    policy = find("universal")
+    (satellite,) = draw_satellites([0], wheels=wheels)
+    if parameters == "principal":
+        satellite = satellite.replace(inertia=np.diag(np.diag(satellite.inertia)))
+    posed = problem(satellite, "static", control="rate", **observation_settings(policy))
+    assert posed.parameters == parameters
+    policy.reset(only_mission(posed), [0])
+    action = policy(np.zeros((2, max(place.stop for place in posed.layout.values())), np.float32))
+    assert action.shape == (2, 3)
+    assert (np.abs(action) <= 1.0).all()
