@@ -4,6 +4,7 @@ from gymnasium.envs.registration import register, registry
 
 from satid_gym.appendages import Panels, Tank
 from satid_gym.disturbance import Disturbance
+from satid_gym.drawn_satellite import SatelliteRanges, draw_satellite, draw_satellites
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.friction import WheelFriction
 from satid_gym.identification import Identification, identify
@@ -43,6 +44,7 @@ __all__ = [
     "SatInertiaIDEnv",
     "SatInertiaIDVectorEnv",
     "Satellite",
+    "SatelliteRanges",
     "Scenario",
     "Sensors",
     "SloshMass",
@@ -52,6 +54,8 @@ __all__ = [
     "Trajectory",
     "WheelFriction",
     "design",
+    "draw_satellite",
+    "draw_satellites",
     "identify",
     "paper_law",
     "simulate",

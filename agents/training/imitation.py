@@ -76,7 +76,7 @@ def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Ne
         epochs: passes over the decisions.
     """
     observations, advantages = (np.concatenate(parts) for parts in zip(*said, strict=True))
-    posed = problem(settings.pool(), scenario=settings.scenario, include_covariance=True)
+    posed = problem(settings.pool(), scenario=settings.scenario, **settings.observed)
     torch.manual_seed(settings.seed)
     widths = [observations.shape[1], *settings.hidden]
     layers: list[torch.nn.Module] = []
@@ -105,7 +105,8 @@ def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Ne
 
 def policy_of(network: Network, settings: ImitationSettings) -> LearnedPolicy:
     """The network as a policy: it commands rates and sees what the teacher was told of."""
-    return LearnedPolicy(settings.name, network, "rate", settings.margin, include_covariance=True)
+    observed = {name: value for name, value in settings.observed.items() if name != "control"}
+    return LearnedPolicy(settings.name, network, "rate", settings.margin, **observed)
 
 
 def train(run: Run) -> None:
@@ -118,10 +119,11 @@ def train(run: Run) -> None:
     notes = run.folder / "curve.json"
     curve = read_json(notes, ANEW, keys=["curve"])["curve"] if notes.exists() else []
     run.curve = [row for row in curve if row["round"] < len(said)]  # not of a round that was not saved
-    satellites = len(s.pool())
+    flights = sum(len(s.places(i)) for i in range(s.rounds))
+    flown = sum(len(s.places(i)) for i in range(len(said)))
     start = time.perf_counter() - (run.curve[-1]["seconds"] if run.curve else 0.0)
     network = fit(said, s, s.round_epochs) if said else None
-    with run.progress(s.rounds * satellites, len(said) * satellites, "flights") as bar:
+    with run.progress(flights, flown, "flights") as bar:
         for i in range(len(said), s.rounds):
             said.append(fly_round(network, s, i, bar.update))
             last = i == s.rounds - 1

@@ -16,7 +16,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.training.run import merit, validate
+from agents.training.run import condensed, merit, validate
 from agents.training.settings import ANEW, Task
 from agents.training.train import SETTINGS
 from baselines.command import cli
@@ -25,7 +25,7 @@ from satid_gym.config import check_integer, check_number
 from satid_gym.files import read_json
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import PRETRAINED, find
+from satid_gym.policies.shipped import PRETRAINED, RATE_PRETRAINED, find
 
 _SHOWN = ("final_error", "mean_error", "outside_fraction")
 
@@ -37,7 +37,7 @@ class SeedSelection:
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of training runs."""
     ship: bool = False
-    """Save the best policy in satid_gym/policies/pretrained."""
+    """Save the best policy in satid_gym/policies/pretrained, one by the environment's rate loop in its folder rate."""
     margin: float | None = None
     """Margin of the rate loop to ship it with, where validation calls for another than that of training."""
     episodes: int = 400
@@ -114,8 +114,13 @@ def main(selection: SeedSelection) -> int:
             raise ValueError("the runs were trained for different satellites: choose among runs of one setting")
     pairs = tqdm(list(zip(policies, trained, strict=True)), unit=" runs", disable=None)
     rows = [validate(policy, settings, selection.episodes) for policy, settings in pairs]
-    scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in rows])
-    print(f"{'':24s}" + "".join(f"{s:>24s}" for s in satellites) + "   final, mean error, outside in %")
+    shown_rows = [condensed(run) for run in rows]
+    scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in shown_rows])
+    print(
+        f"{'':24s}"
+        + "".join(f"{row['satellite']:>24s}" for row in shown_rows[0])
+        + "   final, mean error, outside in %"
+    )
     for run, score in zip(selection.runs, scores, strict=True):
         print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
     for name, statistic in (("mean", scores.mean(axis=0)), ("std", scores.std(axis=0, ddof=min(1, len(rows) - 1)))):
@@ -133,8 +138,10 @@ def main(selection: SeedSelection) -> int:
         policy.details["trained"] = {**origins[best], **policy.details["trained"]}
         policy.details |= {"validation": rows[best], "validation_episodes": selection.episodes}
         policy.details["shipped_by"] = command("agents.training.select")
-        policy.save(PRETRAINED / policy.name)
-        print(f"shipped as {PRETRAINED / policy.name}")
+        path = (PRETRAINED if trained[best].actions == "torque" else RATE_PRETRAINED) / policy.name
+        path.parent.mkdir(exist_ok=True)
+        policy.save(path)
+        print(f"shipped as {path}")
     return 0
 
 

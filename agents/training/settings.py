@@ -11,6 +11,8 @@ from typing import Any, ClassVar, Literal, Self
 
 from satid_gym.config import Config, check_integer
 from satid_gym.core.observation import Form
+from satid_gym.drawn_satellite import draw_satellites
+from satid_gym.evaluation import seeds
 from satid_gym.files import DamagedFileError, read_json
 from satid_gym.policies.learned import check_name
 from satid_gym.problem import problem
@@ -25,6 +27,8 @@ _OWN: dict[str, Callable[[str], Any]] = {
     "inertia": lambda text: select_inertias([text])[0],
     "scenario": select_scenario,
 }
+DRAWN = "drawn"  # satellites, see `satid_gym.drawn_satellite`
+_DRAWN_EVALUATED = 24
 ANEW = "start the run again, with another --run"  # what to do about a damaged one
 
 
@@ -42,7 +46,11 @@ class Task(Config):
     """What tables call the policy."""
     satellite: str = "random"
     """Satellite to train on: a name, a .json or .toml file, or module:name (runs the module's code); "random" draws
-    from all three."""
+    from all three, "drawn" from as many as `drawn` satellites of any kind."""
+    drawn: int = 512
+    """Satellites of `satid_gym.draw_satellites` that "drawn" trains on, drawn with training seeds."""
+    drawn_wheels: int = 4
+    """Wheels of each of these: one environment has one number of them."""
     wheel_scales: tuple[float, ...] = (1.0,)
     """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
     has that factor already and takes 1 alone)."""
@@ -87,16 +95,23 @@ class Task(Config):
 
     @property
     def satellites(self) -> tuple[Satellite, ...]:
-        """Names resolved, one for each that is evaluated."""
+        """Names resolved, one for each that is evaluated; drawn ones are of validation seeds."""
+        if self.satellite == DRAWN:
+            return draw_satellites(seeds("validation", _DRAWN_EVALUATED), wheels=self.drawn_wheels)
         return resolve_satellites(self.satellite)
 
     def pool(self) -> list[Satellite]:
         """What episodes draw their satellite from."""
         return [
             s.replace(wheels=s.wheels.replace(max_speed=scale * s.wheels.max_speed))
-            for s in self.satellites
+            for s in self._trained_on()
             for scale in self.wheel_scales
         ]
+
+    def _trained_on(self) -> tuple[Satellite, ...]:
+        if self.satellite == DRAWN:
+            return draw_satellites(seeds("training", self.drawn), wheels=self.drawn_wheels)
+        return self.satellites
 
     @property
     def actions(self) -> str:

@@ -15,14 +15,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from agents.training.settings import Task
+from agents.training.settings import DRAWN, Task
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_integer, check_number
 from satid_gym.control.planner import ADAPTIVE_WALK
-from satid_gym.control.rate_loop import RateLoop
+from satid_gym.control.rate_loop import rate_loop
 from satid_gym.evaluation import seeds
 from satid_gym.files import DamagedFileError, write_bytes
 from satid_gym.laws import INERTIA_MODES
@@ -41,23 +42,29 @@ class TeacherSettings(Task):
     rounds: int = 6
     """Rounds of flights; the teacher flies the first, the network the others."""
     episodes: int = 24
-    """Episodes a round on each satellite with each factor on its wheels."""
+    """Episodes a round on each satellite with each factor on its wheels; a drawn one flies one inertia mode."""
     taught: float = 0.15
     """Share of the later rounds' episodes that the teacher flies."""
     edits: int = 24
     """Edits of the plan that the teacher tries in each decision."""
+    horizon: int = 40
+    """Decisions that the teacher plans ahead."""
     steps: int = 4
     """Steps of the teacher's forecast in each decision."""
     walks: tuple[float, ...] = (ADAPTIVE_WALK, ADAPTIVE_WALK, 0.0003, 0.004)
     """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
     random walk of the inertia, per sqrt(s). It is told the mode, the network is not. For a law of one's own it plans
     with the first."""
+    tracked: bool = False
+    """Whether the environment's own rate loop flies the rates (its `control="rate"`). The network then sees the wheels
+    by what they do to the body, and the random walk that the filter uses."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("rounds", "edits", "steps"):
+        for name in ("rounds", "edits", "horizon", "steps"):
             check_integer(name, getattr(self, name))
-        check_integer("episodes, which are shared among the inertia modes,", self.episodes, low=len(self.modes))
+        low = len(self.modes) if self.satellite != DRAWN else 1
+        check_integer("episodes, which are shared among the inertia modes,", self.episodes, low=low)
         check_number("taught", self.taught, high=1.0)
         if len(self.walks) != len(INERTIA_MODES):
             raise ValueError(
@@ -65,6 +72,22 @@ class TeacherSettings(Task):
             )
         for walk in self.walks:
             check_number("walks", walk)
+
+    @property
+    def actions(self) -> str:
+        """What actions of the environment are, its `control`."""
+        return "rate" if self.tracked else "torque"
+
+    def places(self, i: int) -> range:
+        """Places in the pool of the satellites that are flown in round i: all, of drawn ones a share for each round."""
+        count = len(self.pool())
+        return range(i, count, self.rounds) if self.satellite == DRAWN else range(count)
+
+    @property
+    def observed(self) -> dict[str, Any]:
+        """Settings of the environment whose observations the network is given."""
+        own = {"observation": "body", "include_walk": True} if self.tracked else {}
+        return {"control": self.actions, "include_covariance": True, **own}
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -85,6 +108,8 @@ def teach(network: Network | None, satellite: Satellite, settings: TeacherSettin
         Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.side_value`; float32.
     """
     chosen, modes = seeds("training", settings.episodes, flown), settings.modes
+    if settings.satellite == DRAWN:
+        modes = (modes[flown // settings.episodes % len(modes)],)
     shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes)]
     said = [_teach(network, satellite, mode, settings, share) for mode, share in shares]
     return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
@@ -94,32 +119,44 @@ def _teach(
     network: Network | None, satellite: Satellite, mode: str, settings: TeacherSettings, chosen: Sequence[int]
 ) -> Answers:
     """Episodes of one inertia mode, of which the teacher is told."""
-    env = SatInertiaIDVectorEnv(len(chosen), satellite, mode, settings.scenario, num_threads=1, include_covariance=True)
-    (mission,) = missions(env.problem)
-    loop = RateLoop([mission], settings.margin)
+    world: dict[str, Any] = {"satellite": satellite, "inertia": mode, "scenario": settings.scenario, "num_threads": 1}
+    env = SatInertiaIDVectorEnv(len(chosen), **world, **settings.observed)
+    # a planner needs the speed of each wheel: where the network does not see it, the same flight beside
+    beside = SatInertiaIDVectorEnv(len(chosen), **world, control="rate") if settings.tracked else None
+    (mission,) = missions((beside or env).problem)
+    loop = rate_loop([mission], settings.margin)
     walk = settings.walks[INERTIA_MODES.index(mode) if mode in INERTIA_MODES else 0]  # type: ignore[arg-type]
-    teacher = MPCPolicy(steps=settings.steps, edits=settings.edits, margin=settings.margin, walk=walk)
+    teacher = MPCPolicy(settings.horizon, settings.steps, settings.edits, settings.margin, walk)
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)
+    planned = observation if beside is None else beside.reset(seed=chosen)[0]
     taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught
     alive = np.ones(len(chosen), bool)
     observations, advantages = [], []
     for _ in range(mission.scenario.decisions):
-        wanted, side_value = teacher.weigh(observation)
+        wanted, side_value = teacher.weigh(planned)
         observations.append(observation[alive])
         advantages.append(side_value[alive].astype(np.float32))
         command = wanted if network is None else np.where(taught, wanted, network(observation))
-        observation, _, terminated, *_ = env.step(loop(observation, command))
+        actions = loop(planned, command)
+        observation, _, terminated, *_ = env.step(actions)
+        planned = observation if beside is None else beside.step(actions)[0]
         alive &= ~terminated
-    env.close()
+    for flown in (env, beside):
+        if flown is not None:
+            flown.close()
     return np.concatenate(observations), np.concatenate(advantages)
 
 
 def fly_round(
     network: Network | None, settings: TeacherSettings, i: int, flown: Callable[[], object] = lambda: None
 ) -> Answers:
-    """Flights of round i, satellites side by side, on seeds that no other round has; `flown` is called after each."""
+    """Flights of round i, satellites side by side, on seeds that no other round has; `flown` is called after each.
+
+    Of drawn satellites each round has its own share.
+    """
     s, pool = settings, settings.pool()
+    places = s.places(i)
 
     def fly(place: int) -> Answers:
         said = teach(network, pool[place], s, ((s.seed * s.rounds + i) * len(pool) + place) * s.episodes)
@@ -127,7 +164,7 @@ def fly_round(
         return said
 
     with ThreadPoolExecutor(os.cpu_count()) as executor:
-        flights = [executor.submit(fly, place) for place in range(len(pool))]
+        flights = [executor.submit(fly, place) for place in places]
         try:
             said = [flight.result() for flight in flights]
         except BaseException:

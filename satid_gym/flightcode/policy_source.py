@@ -16,6 +16,7 @@ from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.open_loop_optimal import OpenLoopOptimalPolicy
+from satid_gym.policies.principal import fitted
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
@@ -121,7 +122,7 @@ def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySour
 
 
 def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
-    network = policy.network
+    network = fitted(policy.network, pilot.mission.layout)
     sizes = [network.weights[0].shape[1], *(weight.shape[0] for weight in network.weights)]
     text = "\n".join(
         [

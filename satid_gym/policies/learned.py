@@ -22,6 +22,7 @@ from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
 from satid_gym.files import read_json, write_bytes, write_text
+from satid_gym.policies.principal import fitted
 from satid_gym.policy import Kind, Mission
 from satid_gym.problem import CONTROLS
 
@@ -154,7 +155,8 @@ class LearnedPolicy:
                 f'policy {self.name} observes "{self.observation}", this environment gives "{mission.observation}": '
                 f'give observation="{self.observation}"'
             )
-        size, expected = max(p.stop for p in mission.layout.values()), self.network.weights[0].shape[1]
+        self._network = fitted(self.network, mission.layout)
+        size, expected = max(p.stop for p in mission.layout.values()), self._network.weights[0].shape[1]
         if size != expected:
             raise ValueError(
                 f"policy {self.name} takes observations of {expected} numbers, this environment gives {size}: it must "
@@ -179,7 +181,7 @@ class LearnedPolicy:
             ValueError: the observation is not finite, or its shape is wrong.
         """
         check_observation(observation, self._layout)
-        command = self.network(observation)
+        command = self._network(observation)
         if self._loop is None:
             return np.clip(command, -1.0, 1.0)
         return self._loop(observation, command)
@@ -188,13 +190,8 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        values = (
-            FORMAT,
-            *(getattr(self, name) for name in _OWN),
-            self.network.activation,
-            self.network.squashed,
-            digest,
-        )
+        own = [getattr(self, name) for name in _OWN]
+        values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
         write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")

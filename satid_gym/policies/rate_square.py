@@ -26,27 +26,34 @@ class RateSquarePolicy:
     Args:
         period: period of the square wave, s.
         margin: margin of the rate loop, see `RateLoop`.
+        slews: least period over the time in which the slowest axis turns from rest to its limit, so that one setting
+            does for satellites that are quick and slow.
 
     Raises:
-        ValueError: the period is not positive or the margin is negative.
+        ValueError: the period is not positive, or the margin or slews is negative.
     """
 
     name = "rate_square"
     kind: Kind = "closed_loop"
 
-    def __init__(self, period: float, margin: float) -> None:
+    def __init__(self, period: float, margin: float, slews: float = 0.0) -> None:
         self.period = check_number("period", period, strict=True)
         self.margin = check_number("margin", margin)
+        self.slews = check_number("slews", slews)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the rate loop for the satellite."""
         self._loop = rate_loop([mission], self.margin)
         self._duration = mission.scenario.decision_period
         self._decision = 0
+        satellite, wheels = mission.satellite, mission.satellite.wheels
+        reach = np.abs(wheels.axes) @ wheels.max_torque
+        slowest = np.max(np.diag(mission.prior.inertia) * satellite.rate_limit / reach)  # s from rest to the limit
+        self._period = max(self.period, self.slews * slowest)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n)."""
-        phase = (self._decision + 0.5) * self._duration / self.period + _STAGGER
+        phase = (self._decision + 0.5) * self._duration / self._period + _STAGGER
         side = np.where(np.mod(phase, 1.0) < 0.5, 1.0, -1.0)
         self._decision += 1
         return self._loop(observation, np.broadcast_to(side, (len(observation), 3)))

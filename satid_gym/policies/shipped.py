@@ -8,11 +8,18 @@ from satid_gym.config import unknown_name
 from satid_gym.policies.learned import LearnedPolicy, check_name
 
 PRETRAINED = Path(__file__).parent / "pretrained"
+RATE_PRETRAINED = PRETRAINED / "rate"
+"""Policies for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 
 
 def names() -> list[str]:
     """Names of the shipped policies."""
     return sorted(path.stem for path in PRETRAINED.glob("*.safetensors"))
+
+
+def rate_names() -> list[str]:
+    """Names of those for `control="rate"` alone."""
+    return sorted(path.stem for path in RATE_PRETRAINED.glob("*.safetensors"))
 
 
 def shipped() -> list[LearnedPolicy]:
@@ -30,11 +37,13 @@ def find(policy: str) -> LearnedPolicy:
     """
     if policy in names():
         return LearnedPolicy.load(PRETRAINED / policy)
+    if policy in rate_names():
+        return LearnedPolicy.load(RATE_PRETRAINED / policy)
     name, path = _renamed(policy)
     try:
         found = LearnedPolicy.load(path / "policy" if path.is_dir() else path)
     except FileNotFoundError as error:
-        raise unknown_name("policy (no such file either)", policy, names()) from error
+        raise unknown_name("policy (no such file either)", policy, [*names(), *rate_names()]) from error
     if name is not None:
         check_name(name)
         found.name = name

@@ -29,7 +29,8 @@ from satid_gym.estimators.inertia import PRODUCTS
 from satid_gym.files import write_bytes
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import seed_stream
-from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.principal import fitted
 from satid_gym.policies.shipped import find
 from satid_gym.policy import Mission, missions, observation_settings
 from satid_gym.problem import Problem, problem
@@ -41,12 +42,13 @@ _OPERATORS = {"tanh": "Tanh", "relu": "Relu"}
 
 def graph(policy: LearnedPolicy, mission: Mission) -> onnx.ModelProto:
     """The policy with its rate loop for one satellite as an ONNX model."""
-    builder, size = Builder(), policy.network.weights[0].shape[1]
+    network = fitted(policy.network, mission.layout)
+    builder, size = Builder(), network.weights[0].shape[1]
     infinite, nan = builder.add("IsInf", "observation"), builder.add("IsNaN", "observation")
     wrong = builder.add("Or", infinite, nan)
     zero = builder.constant(np.float32(0.0))
     seen = builder.add("Where", wrong, zero, "observation")
-    command = _network(builder, policy, builder.add("Cast", seen, to=TensorProto.DOUBLE))
+    command = _network(builder, network, builder.add("Cast", seen, to=TensorProto.DOUBLE))
     if policy.control == "rate":
         batch = _columns(builder, seen, 1)[0] * 0.0
         rates = _columns(builder, command, 3)
@@ -84,9 +86,8 @@ def graph(policy: LearnedPolicy, mission: Mission) -> onnx.ModelProto:
     return model
 
 
-def _network(builder: Builder, policy: LearnedPolicy, x: str) -> str:
+def _network(builder: Builder, network: Network, x: str) -> str:
     """Name of the network's output, cut to [-1, 1]."""
-    network = policy.network
     for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         layer = builder.constant(weight.astype(np.float64)), builder.constant(bias.astype(np.float64))
         x = builder.add("Gemm", x, *layer, transB=1)

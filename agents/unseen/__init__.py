@@ -1,0 +1,1 @@
+"""Comparison on satellites that no policy was trained or tuned on."""

@@ -1,0 +1,165 @@
+"""Comparison on unseen satellites: `python -m agents.unseen.compare`.
+
+Flies policies on satellites drawn with seeds that neither training nor tuning used, of 3 to 8 wheels and any size,
+with each inertia law, by body rates and with the full tensor. Prints, policy by policy, its errors over those of the
+first one (median, 95th percentile over satellites), and on how many satellites it is inside the envelope. The planner
+is slow and flies fewer episodes; a ratio is of the episodes that both have flown. The file is written after every
+satellite, and the same command goes on after a stop.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from agents.unseen.flights import Row, by_satellite, episodes_of, flown, inside, policy_of, ratios
+from baselines.command import cli
+from baselines.command.provenance import result_head
+from satid_gym.config import check_integer, check_names
+from satid_gym.drawn_satellite import SatelliteRanges, draw_satellites
+from satid_gym.evaluation import FIRST_SEED, Split, seeds
+from satid_gym.files import check_writable, read_json, write_json
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.policy import Policy
+from satid_gym.satellite import Satellite
+
+TUNED = Path("docs/results/unseen_tuned.json")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unseen:
+    """Settings of the comparison."""
+
+    policies: tuple[str, ...] = ("universal", "mpc", "rate_square")
+    """Learned policies by name or path, and baselines that were tuned; the first is the one that others are set
+    against."""
+    satellites: int = 200
+    """Satellites, drawn."""
+    wheels: tuple[int, int] = SatelliteRanges().wheels
+    """Least and largest number of their wheels. Each number is compiled by itself, which takes a minute or two."""
+    episodes: int = 4
+    """Episodes of each with each inertia law."""
+    planned: int = 1
+    """The same for planners."""
+    split: Split = "test"
+    """Seeds of satellites and episodes: test, or validation to choose by."""
+    tuned: Path = TUNED
+    """Settings of baselines, of `python -m agents.unseen.tune`."""
+    output: Path = Path("results/unseen.json")
+    """File to write; what it holds of the same comparison already is not flown again."""
+
+    def check(self) -> None:
+        """Check the settings before any work.
+
+        Raises:
+            ValueError: a number is out of range, or a split or policy is unknown.
+        """
+        for name in ("satellites", "episodes", "planned"):
+            check_integer(name, getattr(self, name))
+        check_names("split of seeds", [self.split], FIRST_SEED)
+        SatelliteRanges(wheels=self.wheels)
+        self.entrants()
+
+    def drawn(self) -> tuple[Satellite, ...]:
+        """The satellites."""
+        return draw_satellites(seeds(self.split, self.satellites), SatelliteRanges(wheels=self.wheels))
+
+    def entrants(self) -> dict[str, Policy]:
+        """The policies by name.
+
+        Raises:
+            ValueError: one is unknown, or two have a name.
+        """
+        chosen = read_json(self.tuned, "run python -m agents.unseen.tune", keys=["chosen"])["chosen"]
+        found = {policy.name: policy for policy in (policy_of(name, chosen) for name in self.policies)}
+        if len(found) < len(self.policies):
+            raise ValueError(f"policies must have different names, got {self.policies}: give one another, NAME=PATH")
+        return found
+
+
+def kept(settings: Unseen, head: dict[str, Any]) -> list[Row]:
+    """Rows of a file of the same comparison; none where there is no such file.
+
+    Raises:
+        ValueError: the file holds another comparison.
+    """
+    if not settings.output.exists():
+        return []
+    held = read_json(settings.output, "remove it, and the comparison starts again", keys=["settings", "rows"])
+    same = ("episodes", "planned", "split", "wheels")
+    if any(held["settings"].get(name) != json.loads(json.dumps(head["settings"][name])) for name in same):
+        raise ValueError(f"{settings.output} holds a comparison with other {', '.join(same)}: give another --output")
+    return held["rows"]
+
+
+def summary(rows: list[Row], first: str) -> list[dict[str, Any]]:
+    """One entry a policy: errors over the first policy's, and shares of the satellites that it is inside on."""
+    found = []
+    for name in dict.fromkeys(row["policy"] for row in rows):
+        entry: dict[str, Any] = {"policy": name, "satellites": len(by_satellite(rows, name, "mean_error"))}
+        for score in ("mean_error", "final_error"):
+            own = np.array(list(by_satellite(rows, name, score).values()))
+            ratio = ratios(rows, first, name, score)
+            entry[score] = float(np.exp(np.log(own).mean()))
+            entry[f"{first}_over_it_{score}"] = {
+                "median": float(np.median(ratio)),
+                "percentile_95": float(np.quantile(ratio, 0.95)),
+            }
+        for score in ("outside_fraction", "saturated_fraction"):
+            entry[f"at_most_1_percent_{score}"] = inside(rows, name, score)
+        entry["nees"] = float(np.mean(list(by_satellite(rows, name, "nees").values())))
+        found.append(entry)
+    return found
+
+
+def show(entries: list[dict[str, Any]], first: str) -> None:
+    """Print a line a policy."""
+    print(
+        f"{'':14s} satellites  mean error, %  {first} over it: median, 95th  final: median, 95th  inside, unsaturated"
+    )
+    for entry in entries:
+        shown = [
+            entry[f"{first}_over_it_{score}"][name]
+            for score in ("mean_error", "final_error")
+            for name in ("median", "percentile_95")
+        ]
+        print(
+            f"{entry['policy']:14s} {entry['satellites']:10d}  {100 * entry['mean_error']:13.4f}"
+            + "".join(f"  {value:10.3f}" for value in shown)
+            + f"  {100 * entry['at_most_1_percent_outside_fraction']:6.1f} %"
+            + f"  {100 * entry['at_most_1_percent_saturated_fraction']:6.1f} %"
+        )
+
+
+def main(settings: Unseen) -> int:
+    """Fly what is not in the file yet, and print; the exit code."""
+    check_writable(settings.output.parent)
+    with cli.user_errors():
+        policies = settings.entrants()
+        chosen = seeds(settings.split, settings.satellites)
+        head = result_head("agents.unseen.compare", settings, split=settings.split, seeds=chosen)
+        rows = kept(settings, head)
+    first = next(iter(policies))
+    done = {(row["satellite"], row["policy"]) for row in rows}
+    with cli.on_interrupt("the same command goes on"):
+        for i, satellite in enumerate(tqdm(settings.drawn(), desc="unseen", unit="satellite")):
+            missing = [policy for policy in policies.values() if (satellite.name, policy.name) not in done]
+            for policy in missing:
+                count = episodes_of(policy.name, settings.episodes, settings.planned)
+                rows += [
+                    flown(policy, satellite, inertia, seeds(settings.split, count, (i + 1) * 1000))
+                    for inertia in INERTIA_MODES
+                ]
+            if missing:
+                write_json(settings.output, {**head, "summary": summary(rows, first), "rows": rows})
+    show(summary(rows, first), first)
+    return 0
+
+
+if __name__ == "__main__":
+    cli.run(main)

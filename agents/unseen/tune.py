@@ -1,0 +1,102 @@
+"""Tuning on drawn satellites: `python -m agents.unseen.tune`.
+
+Flies the closed loops with each of their settings on satellites drawn with tuning seeds, one setting for all of them,
+and keeps the one with the least mean error, as a geometric mean over satellites and laws, of those that are inside the
+envelope on 95 % of the satellites.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from agents.unseen.flights import Row, episodes_of, flown, inside
+from baselines.command import cli
+from baselines.command.provenance import result_head
+from satid_gym.config import check_integer
+from satid_gym.drawn_satellite import draw_satellites
+from satid_gym.evaluation import seeds
+from satid_gym.files import check_writable, write_json
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.registry import PLANNERS, build
+
+INSIDE_MIN = 0.95  # share of the satellites
+GRIDS: dict[str, list[dict[str, Any]]] = {
+    "rate_square": [
+        {"period": period, "slews": slews, "margin": 3.5}
+        for period, slews in itertools.product((6.0, 9.0, 12.0, 18.0, 24.0), (0.0, 4.0))
+    ],
+    "mpc": [{"margin": margin} for margin in (2.75, 3.5)],
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning:
+    """Settings of the tuning."""
+
+    satellites: int = 24
+    """Satellites that a setting is flown on."""
+    wheels: int = 4
+    """Wheels of each, for what is tuned does not depend on it."""
+    episodes: int = 2
+    """Episodes of each with each law."""
+    planned: int = 1
+    """Episodes of planners, which are slow, and fly a third of the satellites."""
+    output: Path = Path("results/unseen_tuned.json")
+    """File to write."""
+
+    def check(self) -> None:
+        """Check the settings before any work.
+
+        Raises:
+            ValueError: a number is out of range.
+        """
+        for name in ("satellites", "wheels", "episodes", "planned"):
+            check_integer(name, getattr(self, name))
+
+
+def tried(tuning: Tuning, name: str, settings: dict[str, Any]) -> list[Row]:
+    """Flights of one setting."""
+    count = tuning.satellites if name not in PLANNERS else -(-tuning.satellites // 3)
+    return [
+        flown(
+            build(name, settings),
+            satellite,
+            inertia,
+            seeds("tuning", episodes_of(name, tuning.episodes, tuning.planned), 1000 * i),
+        )
+        for i, satellite in enumerate(draw_satellites(seeds("tuning", count), wheels=tuning.wheels))
+        for inertia in INERTIA_MODES
+    ]
+
+
+@cli.on_interrupt("no file is written")
+def main(tuning: Tuning) -> int:
+    """Tune; the exit code."""
+    check_writable(tuning.output.parent)
+    entries: dict[str, list[dict[str, Any]]] = {}
+    for name, grid in GRIDS.items():
+        for settings in tqdm(grid, desc=name, unit="setting"):
+            rows = tried(tuning, name, settings)
+            error = float(np.exp(np.mean([np.log(np.mean(row["mean_error"])) for row in rows])))
+            shares = {"inside": inside(rows, name), "unsaturated": inside(rows, name, "saturated_fraction")}
+            entries.setdefault(name, []).append({"settings": settings, "mean_error": error, **shares})
+    chosen = {}
+    for name, found in entries.items():
+        allowed = [entry for entry in found if entry["inside"] >= INSIDE_MIN] or found
+        chosen[name] = min(allowed, key=lambda entry: entry["mean_error"])["settings"]
+        for entry in sorted(found, key=lambda entry: entry["mean_error"])[:10]:
+            numbers = f"{100 * entry['mean_error']:.4f} %, inside on {entry['inside']:.2f}"
+            print(f"{name:12s} {numbers}, unsaturated on {entry['unsaturated']:.2f} {entry['settings']}")
+    head = result_head("agents.unseen.tune", tuning, split="tuning", seeds=seeds("tuning", tuning.satellites))
+    write_json(tuning.output, {**head, "chosen": chosen, "tried": entries})
+    return 0
+
+
+if __name__ == "__main__":
+    cli.run(main)

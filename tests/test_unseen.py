@@ -1,0 +1,62 @@
+"""Comparison on unseen satellites: ratios by hand, and the command."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from agents.unseen import compare, flights
+from baselines.command import cli
+
+
+def _row(satellite, policy, errors, outside, inertia="step"):
+    scores = {"mean_error": errors, "final_error": errors, "outside_fraction": outside, "saturated_fraction": outside}
+    return {"satellite": satellite, "wheels": 4, "inertia": inertia, "policy": policy, **scores, "nees": errors}
+
+
+ROWS = [
+    _row("a", "one", [1.0, 3.0], [0.0, 0.01]),
+    _row("a", "two", [2.0], [0.0]),
+    _row("b", "one", [1.0, 5.0], [0.0, 0.05]),
+    _row("b", "two", [4.0], [0.02]),
+    _row("b", "one", [4.0, 5.0], [0.0, 0.0], "drift"),
+    _row("b", "two", [4.0], [0.0], "drift"),
+    _row("c", "one", [7.0], [0.0]),
+]
+
+
+def test_ratios_are_of_the_episodes_that_both_have_flown():
+    np.testing.assert_allclose(flights.ratios(ROWS, "one", "two"), [0.5, 0.5])  # b: sqrt(1/4 * 4/4)
+    np.testing.assert_allclose(flights.ratios(ROWS, "two", "one"), [2.0, 2.0])
+
+
+def test_a_satellite_counts_as_inside_by_its_mean_over_laws():
+    # "one": a 0.5 %, b (2.5 % + 0) / 2 = 1.25 %, c 0; "two": a 0, b (2 % + 0) / 2 = 1 %
+    assert flights.inside(ROWS, "one") == pytest.approx(2.0 / 3.0)
+    assert flights.inside(ROWS, "two") == 1.0
+
+
+@pytest.mark.slow
+def test_the_command_flies_shows_and_goes_on(tmp_path, monkeypatch, capsys):
+    tuned, output = tmp_path / "tuned.json", tmp_path / "unseen.json"
+    chosen = {"rate_square": {"period": 12.0, "margin": 3.5, "slews": 3.0}}
+    tuned.write_text(json.dumps({"chosen": chosen}))
+    arguments = ["--policies", "rate_square", "--episodes", "1", "--split", "validation"]
+    monkeypatch.setattr(
+        sys, "argv", ["compare", *arguments, "--satellites", "1", "--tuned", str(tuned), "--output", str(output)]
+    )
+    assert cli.exit_code(compare.main) == 0
+    assert "rate_square" in capsys.readouterr().out
+    held = json.loads(output.read_text())
+    assert len(held["rows"]) == 4
+    assert held["summary"][0]["rate_square_over_it_mean_error"]["median"] == 1.0
+    held["rows"][0]["mean_error"] = [1.0]
+    output.write_text(json.dumps(held))
+    assert cli.exit_code(compare.main) == 0  # nothing is flown again
+    assert json.loads(output.read_text())["rows"][0]["mean_error"] == [1.0]
+    sys.argv[sys.argv.index("--episodes") + 1] = "2"
+    assert cli.exit_code(compare.main) == 2
+    assert "other episodes" in capsys.readouterr().err
