@@ -23,7 +23,7 @@ LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs
 WORLD = {"satellite": "microsat", "inertia": "static", "scenario": "flex", "control": "rate", "observation": "body"}
 UNPUNISHED = {"envelope_weight": 0.0, "deflection_weight": 0.0, "saturation_weight": 0.0}
 MULTIPLIER_RATE = 0.05  # of a multiplier in an update, by the cost over its limit less 1, at most 1
-LOG_STD = -1.5  # of the first exploration: noise of the rates by itself sets panels swinging
+LOG_STD = (-1.5, -3.5)  # of exploration, first and last: it ends as nearly the mean action that is flown afterwards
 
 
 def train(steps, seed, limits=LIMITS, constrained=True):
@@ -35,8 +35,7 @@ def train(steps, seed, limits=LIMITS, constrained=True):
     multipliers = torch.zeros(len(limits))
     # the critic's first value is of the reward, the others are of the costs
     actor, critic = network(env, 3, 0.01), network(env, 1 + len(limits), 1.0)
-    log_std = torch.nn.Parameter(torch.full((3,), LOG_STD))
-    parameters = [*actor.parameters(), *critic.parameters(), log_std]
+    parameters = [*actor.parameters(), *critic.parameters()]
     optimizer = torch.optim.Adam(parameters, task.LEARNING_RATE, eps=1e-5)
 
     observations = torch.empty(task.ROLLOUT, task.ENVS, env.single_observation_space.shape[0])
@@ -47,9 +46,10 @@ def train(steps, seed, limits=LIMITS, constrained=True):
     curve = []
 
     for update in range(updates(steps)):
+        std = float(np.exp(np.interp(update, (0, updates(steps)), LOG_STD)))
         for t in range(task.ROLLOUT):
             with torch.no_grad():
-                explored = torch.distributions.Normal(actor(observation), log_std.exp())
+                explored = torch.distributions.Normal(actor(observation), std)
                 observations[t], actions[t] = observation, explored.sample()
                 log_probs[t] = explored.log_prob(actions[t]).sum(-1)
                 values[t] = critic(observation)
@@ -79,7 +79,7 @@ def train(steps, seed, limits=LIMITS, constrained=True):
             for batch in torch.randperm(task.ROLLOUT * task.ENVS).chunk(task.MINIBATCHES):
                 seen, taken, log_prob, advantage_of, return_of = (x[batch] for x in flat)
                 advantage_of = (advantage_of - advantage_of.mean()) / (advantage_of.std() + 1e-8)
-                now = torch.distributions.Normal(actor(seen), log_std.exp())
+                now = torch.distributions.Normal(actor(seen), std)
                 ratio = (now.log_prob(taken).sum(-1) - log_prob).exp()
                 clipped = ratio.clamp(1.0 - task.CLIP, 1.0 + task.CLIP)
                 policy_loss = -torch.min(ratio * advantage_of, clipped * advantage_of).mean()
