@@ -22,7 +22,6 @@ from satid_gym.policies import find, make_baseline
 from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 SHORT = SCENARIOS["default"].replace(name="short", horizon=20.0)
 COLLECT = "--satellites cubesat microsat --modes static step --episodes 2"
 
@@ -36,6 +35,10 @@ def _own_folder(monkeypatch, tmp_path):
 def command(monkeypatch, module, line):
     monkeypatch.setattr(sys, "argv", ["command", *line.split()])
     return exit_code(module.main)
+
+
+def example(name):
+    return runpy.run_path(str(Path(__file__).parents[1] / "examples" / name), run_name="__main__")
 
 
 def replayed(data):
@@ -159,5 +162,5 @@ def test_other_data_sets_are_refused(written, said, monkeypatch, capsys, tmp_pat
 def test_a_clone_flies_nearly_as_well(monkeypatch):
     """The example with less data; its docs have the figures of all of it."""
     monkeypatch.setattr(sys, "argv", ["06_offline_data.py", "10", "20"])
-    errors = runpy.run_path(str(EXAMPLES / "06_offline_data.py"), run_name="__main__")["errors"]
+    errors = example("06_offline_data.py")["errors"]
     assert errors["clone"] < 2.5 * errors["generalist"]
