@@ -92,3 +92,18 @@ def test_tianshou_resets_the_environments_it_names(excitation):
     assert (following[[0, 2], left] < flown[[0, 2], left]).all()
     with pytest.raises(ValueError, match=r"expected all 3 rows, got \[0, 2\]"):
         env.step(np.zeros((2, 3)), [0, 2])
+
+
+def test_multipliers_bring_costs_towards_their_limits(excitation):
+    """Few decisions of PPO without a penalty: plain, it bends the panels; with multipliers it does so less."""
+    lagrangian = importlib.import_module("lagrangian_ppo")
+    limits = {"deflection": 0.01}
+    found = {}
+    for constrained in (False, True):
+        actor, curve = lagrangian.train(48_000, 0, limits, constrained)
+        found[constrained] = lagrangian.scores(actor, limits, 16)["deflection"]
+        (decisions, (first,), _), (_, _, (multiplier,)) = curve[0], curve[-1]
+        assert decisions == 3200
+        assert first > 0.05, "to begin with, exploration bends them"
+        assert (multiplier > 0.0) == constrained
+    assert found[True] < 0.7 * found[False]
