@@ -11,7 +11,7 @@ import minari
 import numpy as np
 import torch
 
-from agents.datasets.dataset import Collection, collect
+from agents.dataset.collection import Collection, collect
 from agents.training.clocks import set_clocks
 from agents.training.run import network_of
 from satid_gym.evaluation import benchmark_scenario, fly, seeds

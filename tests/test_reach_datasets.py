@@ -11,8 +11,8 @@ import pytest
 minari = pytest.importorskip("minari")
 pytestmark = pytest.mark.reach
 
-from agents.datasets import dataset, storage
-from agents.datasets.flights import record
+from agents.dataset import collection, storage
+from agents.dataset.flights import record
 from agents.training import imitation
 from baselines.command.cli import exit_code
 from satid_gym import SATELLITES
@@ -63,7 +63,7 @@ def replayed(data):
 
 @cases("control", ["torque", "rate"])
 def test_flights_are_in_the_file_and_can_be_flown_again(control, monkeypatch):
-    assert command(monkeypatch, dataset, f"{COLLECT} --policies chirp generalist mpc --control {control}") == 0
+    assert command(monkeypatch, collection, f"{COLLECT} --policies chirp generalist mpc --control {control}") == 0
     for policy in ("chirp", "generalist", "mpc"):
         data, head = storage.load(f"satid/{policy}-v0")
         assert replayed(data) == [(False, True)] * 8
@@ -82,7 +82,7 @@ def test_flights_are_in_the_file_and_can_be_flown_again(control, monkeypatch):
 
 def test_an_episode_that_ends_early_ends_in_the_file(monkeypatch):
     """Random torque turns bodies beyond three times their limit."""
-    assert command(monkeypatch, dataset, "--policies random --satellites cubesat --modes static --episodes 4") == 0
+    assert command(monkeypatch, collection, "--policies random --satellites cubesat --modes static --episodes 4") == 0
     data, _ = storage.load("satid/random-v0")
     assert replayed(data) == [(True, False)] * 4
     assert data.total_steps < 4 * 300
@@ -101,25 +101,25 @@ def test_a_policy_does_as_it_does_in_the_protocol():
 
 
 def test_nothing_is_left_of_a_data_set_that_is_interrupted(monkeypatch, tmp_path, capsys):
-    flown = dataset.record
+    flown = collection.record
 
     def interrupted(*arguments, **named):
         if named["inertia"] == "step":
             raise KeyboardInterrupt
         return flown(*arguments, **named)
 
-    monkeypatch.setattr(dataset, "record", interrupted)
-    assert command(monkeypatch, dataset, f"{COLLECT} --policies chirp") == 130
+    monkeypatch.setattr(collection, "record", interrupted)
+    assert command(monkeypatch, collection, f"{COLLECT} --policies chirp") == 130
     assert not (tmp_path / "minari" / "satid" / "chirp-v0").exists()
-    monkeypatch.setattr(dataset, "record", flown)
-    assert command(monkeypatch, dataset, f"{COLLECT} --policies chirp") == 0
-    assert command(monkeypatch, dataset, f"{COLLECT} --policies chirp") == 2
+    monkeypatch.setattr(collection, "record", flown)
+    assert command(monkeypatch, collection, f"{COLLECT} --policies chirp") == 0
+    assert command(monkeypatch, collection, f"{COLLECT} --policies chirp") == 2
     assert "holds a data set already" in capsys.readouterr().err
 
 
 def test_seeds_that_are_passed_over(monkeypatch):
     options = "--policies zero --satellites cubesat --modes static --episodes 2 --skip 500"
-    assert command(monkeypatch, dataset, options) == 0
+    assert command(monkeypatch, collection, options) == 0
     data, _ = storage.load("satid/zero-v0")
     told = [episode["seed"] for episode in data.storage.get_episode_metadata(range(2))]
     assert told == [500, 501]
@@ -133,7 +133,7 @@ def test_imitation_learns_from_data_sets(monkeypatch, tmp_path):
     """What a policy did in two of its data sets; the new one flies in the same environments."""
     for namespace, skip in (("one", 0), ("two", 8)):
         options = f"{COLLECT} --policies generalist --control rate --namespace {namespace} --skip {skip}"
-        assert command(monkeypatch, dataset, options) == 0
+        assert command(monkeypatch, collection, options) == 0
     names = ("one/generalist-v0", "two/generalist-v0")
     assert command(monkeypatch, imitation, f"{CLONE} --data {' '.join(names)}") == 0
     policy = find(str(tmp_path / "runs" / "mine-0"))
@@ -154,7 +154,7 @@ def test_imitation_learns_from_data_sets(monkeypatch, tmp_path):
 def test_other_data_sets_are_refused(written, said, monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     options = "--policies rate_square --satellites cubesat --modes static --episodes 1"
-    assert command(monkeypatch, dataset, f"{options} {written}") == 0
+    assert command(monkeypatch, collection, f"{options} {written}") == 0
     assert command(monkeypatch, imitation, f"{CLONE} --run {tmp_path / 'run'} --data satid/rate_square-v0") == 2
     assert re.search(said, capsys.readouterr().err)
 

@@ -24,7 +24,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from agents.datasets.storage import check_commands, commands
+from agents.dataset.storage import check_commands, commands
 from agents.training.clocks import set_clocks
 from agents.training.run import Run, RunOptions, network_of
 from agents.training.settings import ANEW

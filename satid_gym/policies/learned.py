@@ -188,13 +188,8 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         digest = hashlib.sha256(tensors).hexdigest()
-        values = (
-            FORMAT,
-            *(getattr(self, name) for name in _OWN),
-            self.network.activation,
-            self.network.squashed,
-            digest,
-        )
+        own = (getattr(self, name) for name in _OWN)
+        values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
         write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")

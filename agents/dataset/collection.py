@@ -22,8 +22,8 @@ from gymnasium.envs.registration import EnvSpec
 from tqdm import tqdm
 
 from agents.benchmark.entrants import Prepared, learned
-from agents.datasets import storage
-from agents.datasets.flights import record
+from agents.dataset import storage
+from agents.dataset.flights import record
 from baselines.command import cli
 from baselines.command.options import ScenarioText
 from baselines.command.provenance import result_head

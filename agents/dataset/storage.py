@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from agents.datasets.flights import Episode
+from agents.dataset.flights import Episode
 from baselines.command.cli import UserError
 
 HEAD = "satid_gym"
