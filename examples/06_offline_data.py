@@ -18,13 +18,13 @@ from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
 
-EPISODES, EPOCHS = (int(word) for word in sys.argv[1:3] or (100, 30))  # of each inertia mode; over all decisions
+EPISODES, EPOCHS = (int(word) for word in sys.argv[1:3] or (300, 24))  # of each inertia mode; over all decisions
 torch.set_num_threads(1)
 torch.manual_seed(0)
 
 with tempfile.TemporaryDirectory() as folder:
     os.environ["MINARI_DATASETS_PATH"] = folder  # without it, Minari's own folder
-    # as python -m agents.dataset --policies generalist --satellites microsat --control rate --episodes 100
+    # as python -m agents.dataset --policies generalist --satellites microsat --control rate --episodes 300
     (name,) = collect(Collection(policies=("generalist",), satellites=("microsat",), control="rate", episodes=EPISODES))
     data = minari.load_dataset(name)
     episodes = list(data.iterate_episodes())
@@ -37,8 +37,8 @@ print(f"{len(episodes)} episodes, {sum(map(len, episodes))} decisions, costs {co
 observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
 actions = torch.from_numpy(np.concatenate([episode.actions for episode in episodes]))  # body rates, -1 to 1
 model = torch.nn.Sequential(
-    torch.nn.Linear(observations.shape[1], 256), torch.nn.Tanh(), torch.nn.Linear(256, 256), torch.nn.Tanh(),
-    torch.nn.Linear(256, 3),
+    torch.nn.Linear(observations.shape[1], 128), torch.nn.Tanh(), torch.nn.Linear(128, 128), torch.nn.Tanh(),
+    torch.nn.Linear(128, 3),
 )  # fmt: skip
 set_clocks(model[0], posed)  # first units that know when the episode is about to end
 optimizer = torch.optim.Adam(model.parameters(), 3e-3)

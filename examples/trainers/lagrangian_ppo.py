@@ -22,7 +22,7 @@ from satid_gym.safety import SafetyVectorEnv
 LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs
 WORLD = {"satellite": "microsat", "inertia": "static", "scenario": "flex", "control": "rate", "observation": "body"}
 UNPUNISHED = {"envelope_weight": 0.0, "deflection_weight": 0.0, "saturation_weight": 0.0}
-MULTIPLIER_RATE = 0.05  # of a multiplier in an update, by the cost over its limit less 1, at most 1
+MULTIPLIER_RATE = 0.1  # of a multiplier in an update, by the cost over its limit less 1, at most 1
 LOG_STD = (-1.5, -3.5)  # of exploration, first and last: it ends as nearly the mean action that is flown afterwards
 
 
@@ -112,7 +112,7 @@ def scores(actor, limits=LIMITS, episodes=64):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=400_000, help="decisions, all environments together")
+    parser.add_argument("--steps", type=int, default=200_000, help="decisions, all environments together")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of environments, networks and exploration")
     parser.add_argument("--no-limits", action="store_true", help="plain PPO: the same without multipliers")
     options = parser.parse_args()
