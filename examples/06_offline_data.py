@@ -15,6 +15,7 @@ from agents.dataset.collection import Collection, collect
 from agents.training.clocks import set_clocks
 from agents.training.run import network_of
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.gym_api import COSTS
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
 
@@ -29,10 +30,9 @@ with tempfile.TemporaryDirectory() as folder:
     data = minari.load_dataset(name)
     episodes = list(data.iterate_episodes())
     posed = data.recover_environment().unwrapped.problem
-costs = {
-    name: np.mean([episode.infos["costs"][name][1:].mean() for episode in episodes]) for name in ("rate", "saturation")
-}
-print(f"{len(episodes)} episodes, {sum(map(len, episodes))} decisions, costs {costs}")
+costs = {name: np.mean([episode.infos["costs"][name][1:].mean() for episode in episodes]) for name in COSTS}
+told = ", ".join(f"{name} {cost:.2%}" for name, cost in costs.items())
+print(f"{len(episodes)} episodes, {sum(map(len, episodes))} decisions, mean costs: {told}")
 
 observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
 actions = torch.from_numpy(np.concatenate([episode.actions for episode in episodes]))  # body rates, -1 to 1

@@ -153,10 +153,10 @@ def extras(requirement):
 
 
 def check_tests(path, *selection):
-    """A test file, and with `-k` a part of the name of a test in it."""
+    """A test file, and with `-k` a part of the name of a test in it; `-s` shows what it prints."""
     text = (ROOT / path).read_text()
     if selection:
-        option, part = selection
+        option, part = (word for word in selection if word != "-s")
         assert option == "-k"
         assert re.search(rf"^def test_\w*{part}", text, flags=re.M), f"{path} has no test named like {part}"
 
