@@ -161,6 +161,6 @@ def test_other_data_sets_are_refused(written, said, monkeypatch, capsys, tmp_pat
 
 def test_a_clone_flies_nearly_as_well(monkeypatch):
     """The example with less data; its docs have the figures of all of it."""
-    monkeypatch.setattr(sys, "argv", ["06_offline_data.py", "10", "20"])
+    monkeypatch.setattr(sys, "argv", ["06_offline_data.py", "4", "20"])
     errors = example("06_offline_data.py")["errors"]
-    assert errors["clone"] < 2.5 * errors["generalist"]
+    assert errors["clone"] < 6.0 * errors["generalist"], "rates of zero have twenty times its error"

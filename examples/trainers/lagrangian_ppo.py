@@ -47,6 +47,7 @@ def train(steps, seed, limits=LIMITS, constrained=True):
 
     for update in range(updates(steps)):
         std = float(np.exp(np.interp(update, (0, updates(steps)), LOG_STD)))
+        optimizer.param_groups[0]["lr"] = task.LEARNING_RATE * (1.0 - update / updates(steps))
         for t in range(task.ROLLOUT):
             with torch.no_grad():
                 explored = torch.distributions.Normal(actor(observation), std)
@@ -112,7 +113,7 @@ def scores(actor, limits=LIMITS, episodes=64):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=200_000, help="decisions, all environments together")
+    parser.add_argument("--steps", type=int, default=400_000, help="decisions, all environments together")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of environments, networks and exploration")
     parser.add_argument("--no-limits", action="store_true", help="plain PPO: the same without multipliers")
     options = parser.parse_args()
