@@ -47,7 +47,6 @@ def train(steps, seed, limits=LIMITS, constrained=True):
 
     for update in range(updates(steps)):
         std = float(np.exp(np.interp(update, (0, updates(steps)), LOG_STD)))
-        optimizer.param_groups[0]["lr"] = task.LEARNING_RATE * (1.0 - update / updates(steps))
         for t in range(task.ROLLOUT):
             with torch.no_grad():
                 explored = torch.distributions.Normal(actor(observation), std)
