@@ -3,6 +3,7 @@
 From the checkout, with pip install ".[reach]": PYTHONPATH=. python examples/rllib_ppo.py
 """
 
+import sys
 import tempfile
 from pathlib import Path
 
@@ -49,7 +50,7 @@ config = (
     .rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[64, 64], vf_share_layers=False, free_log_std=True))
     .debugging(seed=0, log_level="ERROR")
 )
-UPDATES = 40  # of 3200 decisions, before and after the stop
+UPDATES = int(sys.argv[1]) if sys.argv[1:] else 40  # of 3200 decisions, before and after the stop
 
 
 def train(algorithm: PPO) -> float:

@@ -107,7 +107,8 @@ def test_a_flight_outside_the_environment():
 
 def test_every_example_is_shown_and_tested():
     files = [path.name for path in sorted((ROOT / "examples").glob("*.py"))]
-    tested = inspect.getsource(sys.modules[__name__]) + (ROOT / "tests" / "test_basilisk.py").read_text()
+    lanes = [ROOT / "tests" / "test_basilisk.py", *(ROOT / "tests").glob("test_reach_*.py")]
+    tested = inspect.getsource(sys.modules[__name__]) + "".join(path.read_text() for path in lanes)
     for file in files:
         assert f'--8<-- "examples/{file}"' in PAGES["examples.md"]
         assert f'example("{file}")' in tested
@@ -152,10 +153,10 @@ def extras(requirement):
 
 
 def check_tests(path, *selection):
-    """A test file, and with `-k` a part of the name of a test in it."""
+    """A test file, and with `-k` a part of the name of a test in it; `-s` shows what it prints."""
     text = (ROOT / path).read_text()
     if selection:
-        option, part = selection
+        option, part = (word for word in selection if word != "-s")
         assert option == "-k"
         assert re.search(rf"^def test_\w*{part}", text, flags=re.M), f"{path} has no test named like {part}"
 

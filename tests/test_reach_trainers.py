@@ -92,3 +92,19 @@ def test_tianshou_resets_the_environments_it_names(excitation):
     assert (following[[0, 2], left] < flown[[0, 2], left]).all()
     with pytest.raises(ValueError, match=r"expected all 3 rows, got \[0, 2\]"):
         env.step(np.zeros((2, 3)), [0, 2])
+
+
+def test_multipliers_rise_while_costs_are_above_their_limits(excitation):
+    """Exploration bends the panels and stays within the rates' limit; plain PPO has no multipliers."""
+    lagrangian = importlib.import_module("lagrangian_ppo")
+    limits = {"rate": 0.5, "deflection": 0.01}
+    actor, curve = lagrangian.train(9_600, 0, limits)
+    assert [decisions for decisions, _, _ in curve] == [3200, 6400, 9600]
+    assert all(rate < 0.5 and deflection > 0.02 for _, (rate, deflection), _ in curve)
+    np.testing.assert_allclose([multipliers for _, _, multipliers in curve], [[0, 0.1], [0, 0.2], [0, 0.3]], rtol=1e-5)
+    _, plain = lagrangian.train(3_200, 0, limits, constrained=False)
+    assert plain[0][1] == curve[0][1]
+    assert plain[0][2] == [0.0, 0.0]
+    found = lagrangian.scores(actor, limits, 4)
+    assert set(found) == {"final_error", "ended", "rate", "deflection"}
+    assert all(0.0 <= value <= 1.0 for value in found.values())

@@ -7,6 +7,9 @@ cost, not their number that differ.
 
 A run's folder holds settings, versions, revision, the learning curve, what the teacher said in each round and the
 policy. A run that is stopped at any moment goes on from its last whole round with --resume, with the same result.
+
+With --data it flies nothing, and is behaviour cloning: the network is fitted to the body rates that policies commanded
+in data sets of `python -m agents.dataset --control rate`: to the side of each axis, weighted by its magnitude.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
+from agents.dataset.storage import check_commands, commands
 from agents.training.clocks import set_clocks
 from agents.training.run import Run, RunOptions, network_of
 from agents.training.settings import ANEW
@@ -60,11 +64,18 @@ class ImitationSettings(TeacherSettings):
     """At the start of a fit; falls linearly to a hundredth."""
     evaluation_episodes: int = 64
     """Episodes of an evaluation on validation seeds, on each satellite."""
+    data: tuple[str, ...] = ()
+    """Data sets of `python -m agents.dataset --control rate` to learn from in place of a teacher: Minari's names."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("epochs", "round_epochs", "batch_size"):
             check_integer(name, getattr(self, name))
+
+    @property
+    def actions(self) -> str:
+        """What actions of the environment are, its `control`: those of data sets are body rates."""
+        return "rate" if self.data else super().actions
 
 
 def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Network:
@@ -110,8 +121,13 @@ def policy_of(network: Network, settings: ImitationSettings) -> LearnedPolicy:
 
 
 def train(run: Run) -> None:
-    """Fly and fit, round by round, to the end of the run."""
+    """Fly and fit, round by round, to the end of the run; or fit to data sets."""
     s: ImitationSettings = run.settings  # type: ignore[assignment]
+    if s.data:
+        with cli.user_errors():
+            flown = [commands(name) for name in s.data]
+        clone(run, flown)
+        return
     said = answers(run.folder, s.rounds)
     if len(said) == s.rounds:
         print(f"{run.folder} has had its {s.rounds} rounds already")
@@ -139,6 +155,20 @@ def train(run: Run) -> None:
     print(f"policy: {run.folder / 'policy'}.safetensors")
 
 
+def clone(run: Run, flown: Sequence[Answers]) -> None:
+    """Fit a network to observations and commands of flights."""
+    s: ImitationSettings = run.settings  # type: ignore[assignment]
+    start = time.perf_counter()
+    with run.progress(1, 0, "fits") as bar:
+        policy = policy_of(fit(flown, s, s.epochs), s)
+        decisions = sum(len(observations) for observations, _ in flown)
+        run.evaluate(policy, decisions=decisions, seconds=round(time.perf_counter() - start, 1))
+        bar.update()
+    run.write_curve()
+    policy.save(run.folder / "policy")
+    print(f"policy: {run.folder / 'policy'}.safetensors")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ImitationOptions(RunOptions):
     """Where the run goes, and any of its settings by its name."""
@@ -146,13 +176,15 @@ class ImitationOptions(RunOptions):
     training: Annotated[ImitationSettings, tyro.conf.arg(name="")] = field(default_factory=ImitationSettings)
 
     def check(self) -> None:
-        """Refuse settings for a run that has its own.
+        """Refuse settings for a run that has its own, and data sets of other flights.
 
         Raises:
-            ValueError: --resume comes with other settings than the folder.
+            ValueError: --resume comes with other settings than the folder, or a data set cannot be learned from.
         """
         if self.resume and (self.run is None or self.training != ImitationSettings()):
             raise ValueError("--resume needs --run FOLDER and nothing else: the run keeps its settings")
+        for name in self.training.data:
+            check_commands(name)
 
 
 def main(options: ImitationOptions) -> int:

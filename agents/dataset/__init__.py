@@ -1,0 +1,1 @@
+"""Flights as data sets for learning offline."""
