@@ -97,11 +97,11 @@ def draw_satellite(
         name: of the satellite.
     """
     r = ranges or SatelliteRanges()
-    size = _log_uniform(rng, r.edges, 3)
+    size = np.array([_log_uniform(rng, r.edges) for _ in range(3)])
     moments = size @ size - size**2  # of the box, but for a factor
     target, density = _log_uniform(rng, r.inertia), _log_uniform(rng, r.density)
     # J = m / 12 (b^2 + c^2) and m = density a b c: all edges grow by one factor, J by its fifth power
-    mass_at_one = density * np.prod(size)
+    mass_at_one = density * float(np.prod(size))
     growth = (target / (mass_at_one / 12.0 * np.prod(moments) ** (1.0 / 3.0))) ** 0.2
     size, mass = growth * size, growth**3 * mass_at_one
     moments = mass / 12.0 * growth**2 * moments
@@ -147,19 +147,19 @@ def _limits(rng: np.random.Generator, r: SatelliteRanges) -> tuple[float, float,
         ValueError: the ranges hold next to none.
     """
     for _ in range(_DRAWS_MAX):
-        drawn = rate_limit, authority, momentum = [
-            _log_uniform(rng, bounds) for bounds in (r.rate_limit, r.authority, r.momentum)
-        ]
+        rate_limit, authority = _log_uniform(rng, r.rate_limit), _log_uniform(rng, r.authority)
+        momentum = _log_uniform(rng, r.momentum)
         if rate_limit * momentum <= r.gyroscopic * authority:
-            return tuple(drawn)
+            return rate_limit, authority, momentum
     raise ValueError(
         f"rate limits {r.rate_limit} with momenta {r.momentum} need more torque than authorities {r.authority} give "
         f"{_DRAWS_MAX} draws long: draw from less rate and momentum or from more authority"
     )
 
 
-def _log_uniform(rng: np.random.Generator, bounds: Range, size: int | None = None) -> np.ndarray | float:
-    return np.exp(rng.uniform(*np.log(bounds), size))
+def _log_uniform(rng: np.random.Generator, bounds: Range) -> float:
+    low, high = np.log(bounds)
+    return float(np.exp(rng.uniform(low, high)))
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:
