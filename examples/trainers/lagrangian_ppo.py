@@ -23,7 +23,8 @@ LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs
 WORLD = {"satellite": "microsat", "inertia": "static", "scenario": "flex", "control": "rate", "observation": "body"}
 UNPUNISHED = {"envelope_weight": 0.0, "deflection_weight": 0.0, "saturation_weight": 0.0}
 MULTIPLIER_RATE = 0.1  # of a multiplier in an update, by the cost over its limit less 1, at most 1
-LOG_STD = (-1.5, -3.5)  # of exploration, first and last: it ends as nearly the mean action that is flown afterwards
+PROPORTION = 1.0  # of what a cost is beyond its limit now, which damps how multiplier and cost swing about each other
+LOG_STD = (-1.5, -2.5)  # of exploration, first and last: it ends as nearly the mean action that is flown afterwards
 
 
 def train(steps, seed, limits=LIMITS, constrained=True):
@@ -47,6 +48,7 @@ def train(steps, seed, limits=LIMITS, constrained=True):
 
     for update in range(updates(steps)):
         std = float(np.exp(np.interp(update, (0, updates(steps)), LOG_STD)))
+        optimizer.param_groups[0]["lr"] = task.LEARNING_RATE * (1.0 - update / updates(steps))
         for t in range(task.ROLLOUT):
             with torch.no_grad():
                 explored = torch.distributions.Normal(actor(observation), std)
@@ -59,8 +61,9 @@ def train(steps, seed, limits=LIMITS, constrained=True):
             dones[t] = torch.as_tensor(terminated | truncated)
 
         costs = signals[..., 1:].mean((0, 1))
+        beyond = costs / most - 1.0
         if constrained:
-            multipliers = (multipliers + MULTIPLIER_RATE * (costs / most - 1.0).clamp(max=1.0)).clamp(min=0.0)
+            multipliers = (multipliers + MULTIPLIER_RATE * beyond.clamp(max=1.0)).clamp(min=0.0)
         curve.append(((update + 1) * task.ROLLOUT * task.ENVS, costs.tolist(), multipliers.tolist()))
 
         advantages = torch.empty_like(signals)
@@ -72,7 +75,8 @@ def train(steps, seed, limits=LIMITS, constrained=True):
             advantage = error + task.GAMMA * task.GAE_LAMBDA * goes_on * advantage
             advantages[t], next_value = advantage, values[t]
         returns = advantages + values
-        lagrangian = advantages[..., 0] - (advantages[..., 1:] * multipliers).sum(-1)
+        weights = multipliers + constrained * PROPORTION * beyond.clamp(0.0, 5.0)
+        lagrangian = advantages[..., 0] - (advantages[..., 1:] * weights).sum(-1)
 
         flat = [x.flatten(0, 1) for x in (observations, actions, log_probs, lagrangian, returns)]
         for _ in range(task.EPOCHS):
