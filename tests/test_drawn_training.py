@@ -53,7 +53,7 @@ def test_many_satellites_are_shown_as_one():
 def test_a_slow_satellite_gets_a_longer_period(slews, period):
     """From rest to the limit in 0.9 s about the slowest axis: 4.5 kg m^2 x 0.02 rad/s / 0.1 N m."""
     satellite = SATELLITES["microsat"].replace(inertia=[4.5, 4.0, 3.0], rate_limit=0.02)
-    (mission,) = missions(problem(satellite, "static"))
+    (mission,) = missions(problem(satellite, "static", control="rate"))
     policy = RateSquarePolicy(6.0, 3.0, slews)
     policy.reset(mission, [0])
     shown = np.zeros((1, max(place.stop for place in mission.layout.values())), np.float32)
