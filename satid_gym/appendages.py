@@ -172,7 +172,7 @@ def range_of(name: str, value: object, most: float) -> tuple[float, float]:
     """(low, high) with 0 < low <= high <= most.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the value is no such range.
     """
     low, high = real_array(name, value, (2,)).tolist()
     if not 0.0 < low <= high <= most:

@@ -180,7 +180,7 @@ def test_a_plan_of_swings_has_settings_of_its_own_for_each_episode():
 
 
 def test_a_factor_on_all_rotors_is_in_no_error():
-    """The tensor in units of the rotors' mean inertia is what an estimate can be held against."""
+    """The tensor in units of the rotors' mean inertia is what an estimate can be compared with."""
     env = world(4, "calibration", observation="wheels")
     env.reset(seed=list(range(4)))
     plants, reports = env.fleet.rows.plants, env.fleet.rows.reports

@@ -37,7 +37,7 @@ def check_free(name: str) -> None:
     """Refuse the name of a data set that there is.
 
     Raises:
-        ValueError: there is one, or the name is none for Minari.
+        ValueError: there is one, or Minari does not accept the name.
     """
     minari = library()
     minari.dataset.minari_dataset.parse_dataset_id(name)
@@ -99,7 +99,7 @@ def load(name: str) -> tuple[Any, dict[str, Any]]:
     """A data set and what its `write` was told of it.
 
     Raises:
-        ValueError: there is none of that name, it is of another project, or was not written to its end.
+        ValueError: no data set has that name, it is of another project, or was not written to its end.
     """
     minari = library()
     try:

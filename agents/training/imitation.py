@@ -27,7 +27,7 @@ from tqdm import tqdm
 from agents.dataset.storage import check_commands, commands
 from agents.training.clocks import set_clocks
 from agents.training.run import Run, RunOptions, network_of
-from agents.training.settings import ANEW
+from agents.training.settings import RESTART
 from agents.training.teacher import Answers, TeacherSettings, answers, fly_round, save_round
 from baselines.command import cli
 from satid_gym.config import check_integer
@@ -133,7 +133,7 @@ def train(run: Run) -> None:
         print(f"{run.folder} has had its {s.rounds} rounds already")
         return
     notes = run.folder / "curve.json"
-    curve = read_json(notes, ANEW, keys=["curve"])["curve"] if notes.exists() else []
+    curve = read_json(notes, RESTART, keys=["curve"])["curve"] if notes.exists() else []
     run.curve = [row for row in curve if row["round"] < len(said)]  # not of a round that was not saved
     flights = sum(len(s.places(i)) for i in range(s.rounds))
     flown = sum(len(s.places(i)) for i in range(len(said)))

@@ -17,7 +17,7 @@ import tyro
 from tqdm import tqdm
 
 from agents.training.run import condensed, merit, validate
-from agents.training.settings import ANEW, Task
+from agents.training.settings import RESTART, Task
 from agents.training.train import SETTINGS
 from baselines.command import cli
 from baselines.command.provenance import command
@@ -98,7 +98,7 @@ def _origin(run: Path) -> dict[str, Any]:
     notes, names = run / "run.json", ("command", "revision", "versions")
     if not notes.exists():
         return {}
-    head = read_json(notes, ANEW, keys=names)
+    head = read_json(notes, RESTART, keys=names)
     return {name: head[name] for name in names}
 
 

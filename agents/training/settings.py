@@ -29,7 +29,7 @@ _OWN: dict[str, Callable[[str], Any]] = {
 }
 DRAWN = "drawn"  # satellites, see `satid_gym.drawn_satellite`
 _DRAWN_EVALUATED = 24
-ANEW = "start the run again, with another --run"  # what to do about a damaged one
+RESTART = "start the run again, with another --run"  # what to do about a damaged one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -135,10 +135,10 @@ class Task(Config):
         try:
             settings = cls.from_dict(values)
         except ValueError as error:
-            raise DamagedFileError(f"{path} holds no settings ({error}): {ANEW}") from error
+            raise DamagedFileError(f"{path} holds no settings ({error}): {RESTART}") from error
         missing = sorted({f.name for f in dataclasses.fields(cls)} - set(values))
         if missing:
-            raise DamagedFileError(f"{path} is of another version, without {missing}: {ANEW}")
+            raise DamagedFileError(f"{path} is of another version, without {missing}: {RESTART}")
         return settings
 
 
@@ -150,7 +150,7 @@ def head_of(folder: Path) -> dict[str, Any]:
     """
     if not (folder / "run.json").exists():
         raise ValueError(f"{folder} holds no run to resume")
-    return read_json(folder / "run.json", ANEW, keys=["settings"])
+    return read_json(folder / "run.json", RESTART, keys=["settings"])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

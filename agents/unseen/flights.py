@@ -36,7 +36,7 @@ def policy_of(name: str, tuned: Mapping[str, Mapping[str, float]]) -> Policy:
     """Baseline with the settings that tuning found, or a learned policy by name or path.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: no policy has that name.
     """
     return build(name, dict(tuned[name])) if name in tuned else find(name)
 

@@ -182,7 +182,7 @@ def policy_for(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
     """Baseline as it was tuned for the satellite; else with settings that follow from its data sheet and the horizon.
 
     Raises:
-        ValueError: the baseline is none of those of the study.
+        ValueError: the study does not fly this baseline.
     """
     own = scenario.horizon == Scenario().horizon
     try:

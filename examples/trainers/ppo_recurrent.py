@@ -12,7 +12,7 @@ from satid_gym.sb3 import RateCommandVecEnv
 
 
 class Recurrent(Learned):
-    """Policy with a memory that begins anew with each flight."""
+    """Policy with a memory that begins again with each flight."""
 
     def __init__(self, model):
         super().__init__(self._act)

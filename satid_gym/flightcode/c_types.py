@@ -100,7 +100,7 @@ def element_of(dtype: np.dtype) -> str:
     """C type of an array's numbers.
 
     Raises:
-        TranslationError: there is none.
+        TranslationError: C has no such type.
     """
     known = {"f8": "double", "f4": "float", "i8": "int32_t"}
     code = dtype.str[1:]
@@ -113,7 +113,7 @@ def join(a: Type | None, b: Type, where: str) -> Type:
     """Type of a variable that is given values of both.
 
     Raises:
-        TranslationError: there is none.
+        TranslationError: no type holds both.
     """
     if a is None or a == b:
         return b

@@ -22,7 +22,7 @@ def compiler() -> str:
     """The C compiler: what the environment calls CC, or cc.
 
     Raises:
-        ValueError: there is none.
+        ValueError: no C compiler is installed.
     """
     name = os.environ.get("CC", "cc")
     if shutil.which(name) is None:

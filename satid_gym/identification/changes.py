@@ -1,6 +1,6 @@
 """Tests of a course against the data: does the inertia step, does it drift, or is it constant.
 
-Twice the gain in log-likelihood, with the scale c >= 1 of the errors found anew, is compared with what a constant
+Twice the gain in log-likelihood, with the scale c >= 1 of the errors estimated again, is compared with what a constant
 inertia gives in `DRAWS` simulated ones; both tests together raise `FALSE_ALARM` of them. Between a step and a drift the
 Bayesian information criterion decides.
 Source: Andrews, Econometrica 61(4), 1993 (a step at an unknown instant); Wahba, Spline Models (1990), ch. 6 (a spline

@@ -113,7 +113,7 @@ def _shades(design: Design, rows: list[tuple[str, Trial]]) -> list[str]:
 
 
 def _bars(axes: Axes, names: list[str], values: list[float], colours: list[str]) -> None:
-    """Bars; where flights ended early there is none."""
+    """Bars; none for flights that ended early."""
     shown = np.array([value if np.isfinite(value) else np.nan for value in values])
     bars = axes.barh(names, shown, color=colours)
     axes.bar_label(bars, [f"{100.0 * v:.2g} %" if np.isfinite(v) else "" for v in shown], padding=3, fontsize=_SMALL)

@@ -82,7 +82,7 @@ def _finite(value: float) -> float | None:
 
 
 def percent(value: float) -> str:
-    """A share in per cent with two digits; "-" where there is none."""
+    """A share in per cent with two digits; "-" if missing."""
     if not np.isfinite(value):
         return "-"
     return f"{100.0 * value:.2g} %" if abs(value) < 0.995 else f"{100.0 * value:.0f} %"

@@ -18,7 +18,7 @@ def policy_by_name(name: str, satellite: Satellite, scenario: Scenario) -> Polic
     """Policy by name, by path, or by the path of a design.json; rate_square for any satellite, tuned or not.
 
     Raises:
-        ValueError: there is none, or another baseline is not tuned for the satellite.
+        ValueError: no policy has that name, or another baseline is not tuned for the satellite.
     """
     if name.endswith(".json") and not Path(name).with_suffix(".safetensors").exists():
         return ManoeuvrePolicy.read(Path(name))

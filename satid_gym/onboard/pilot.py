@@ -111,7 +111,7 @@ class Pilot:
 
         Raises:
             ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit), an attitude is
-                given and the satellite has no star tracker, or the Sun's direction is none.
+                given and the satellite has no star tracker, or the Sun's direction is (0, 0, 0).
         """
         time = check_number("time", time, low=-np.inf)
         towards = np.zeros(3) if sun is None else sun_direction(sun)
@@ -176,7 +176,7 @@ class Pilot:
         return self._torque.copy()
 
     def _judge(self, *given: object) -> list[Reading]:
-        """Readings of gyro, wheel speeds and star tracker; of the last it is no fault that there is none."""
+        """Readings of gyro, wheel speeds and star tracker; of the last a missing one is no fault."""
         judges = gyro_reading, wheel_reading, attitude_reading
         return [judge(value, self.mission.satellite) for judge, value in zip(judges, given, strict=True)]
 

@@ -42,7 +42,7 @@ def wheel_reading(value: object, satellite: Satellite) -> Reading:
 
 
 def attitude_reading(value: object, satellite: Satellite) -> Reading:
-    """Reading of the star tracker, (4,) of length 1, body to inertial, scalar last; that there is none is no absence.
+    """Reading of the star tracker, (4,) of length 1, body to inertial, scalar last; a missing one is no fault.
 
     Raises:
         ValueError: it has another shape, or the satellite has no star tracker.

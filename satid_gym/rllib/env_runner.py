@@ -122,7 +122,7 @@ class ArrayEnvRunner(SingleAgentEnvRunner):
         while steps < num_timesteps if num_timesteps is not None else ended < num_episodes:  # type: ignore[operator]
             chosen, actions = self._choose(explore, random_actions, steps)
             result = self._try_env_step(actions)
-            if result == ENV_STEP_FAILURE:  # the environments were made anew, and start again
+            if result == ENV_STEP_FAILURE:  # the environments were made again, and start over
                 return self._sample(
                     num_timesteps=num_timesteps,
                     num_episodes=num_episodes,

@@ -34,7 +34,7 @@ _ENDING = re.compile(
 
 
 def unit_of(text: str) -> str | None:
-    """Unit that a text such as "°/s", "RPM" or "deg/sec" stands for; None where it is none of ours."""
+    """Unit that a text such as "°/s", "RPM" or "deg/sec" stands for; None if it is not known."""
     plain = text.strip().lower()
     for long, short in _SHORT.items():
         plain = plain.replace(long, short)

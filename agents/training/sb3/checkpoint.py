@@ -19,7 +19,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 
-from agents.training.settings import ANEW
+from agents.training.settings import RESTART
 from satid_gym.files import DamagedFileError, write_bytes
 from satid_gym.sb3 import RateCommandVecEnv
 
@@ -98,7 +98,7 @@ def load(path: Path, model: BaseAlgorithm, env: RateCommandVecEnv) -> dict[str, 
         if getattr(model, "replay_buffer", None) is not None:
             _refill(model.replay_buffer, _under(arrays, "replay/"), head["replay_position"])
     except (RuntimeError, ValueError, KeyError) as error:
-        raise DamagedFileError(f"{path} is of other settings ({error}): {ANEW}") from error
+        raise DamagedFileError(f"{path} is of other settings ({error}): {RESTART}") from error
     np.random.set_state(("MT19937", arrays["random.numpy"], head["numpy_position"]))  # noqa: NPY002
     torch.set_rng_state(torch.from_numpy(arrays["random.torch"]))
     model._last_obs, model._last_episode_starts = arrays["last.observation"], arrays["last.starts"]

@@ -12,7 +12,7 @@ from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.tolerances import Tolerances
 
-_KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins anew
+_KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins again
 
 
 class AttitudeModel(CalibratedModel):

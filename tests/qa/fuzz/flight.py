@@ -179,7 +179,7 @@ class _Log:
         world, tasks, rates = self.env.problem.scenario, self.tasks, self.plants["rate"]
         for reward, terminated, truncated in self.results:
             _demand(type(reward) is float and np.isfinite(reward), f"reward is {reward!r}")
-            _demand(type(terminated) is bool and type(truncated) is bool, "ends are no plain bools")
+            _demand(type(terminated) is bool and type(truncated) is bool, "ends are not Python's bool")
         _, terminated, truncated = map(np.array, zip(*self.results, strict=True))
         begun = tasks["decision"] > 0
         fast = begun & (np.abs(rates).max(axis=1) > tasks["termination_rate"])
