@@ -49,8 +49,8 @@ def check_accuracy(mission: Mission, duration: float, accuracy: float) -> None:
     """Refuse an accuracy that no manoeuvre of this duration can reach.
 
     Raises:
-        NotPossibleError: no manoeuvre reaches it; the message has the longer duration, the higher rate limit or the better
-            gyro that the bound allows it with, where there is one.
+        NotPossibleError: no manoeuvre reaches it; the message has the longer duration, the higher rate limit or
+            the better gyro that the bound allows it with, if any.
     """
     least = least_std(mission, duration)[-1]
     if least <= accuracy:
