@@ -47,9 +47,9 @@ batches = len(observations) // 512
 decay = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.01, EPOCHS * batches)
 for _ in range(EPOCHS):
     for rows in torch.randperm(len(observations))[: 512 * batches].split(512):
-        # most rates are at one limit or the other: which of them is learned as a probability
-        logits = model(observations[rows])
-        loss = torch.nn.functional.binary_cross_entropy_with_logits(logits, (1.0 + actions[rows]) / 2.0)
+        # most rates are at one limit or the other: which side, as a probability, weighted by how far it goes
+        side, weight = (actions[rows] > 0.0).float(), actions[rows].abs()
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(model(observations[rows]), side, weight)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

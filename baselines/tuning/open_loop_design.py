@@ -24,11 +24,10 @@ from satid_gym.control.planner import planning_walk
 from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
-from satid_gym.policies.open_loop_optimal import DESIGNS, PREPARED_AS, OpenLoopOptimalPolicy, planned_rates
+from satid_gym.policies.open_loop_optimal import DESIGNS, OpenLoopOptimalPolicy, planned_rates
 from satid_gym.resolution import ScenarioLike
 from satid_gym.satellite import BENCHMARK_SATELLITES, Satellite
 from satid_gym.scenario import Scenario, prior_of
-from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.selection import select_satellites, select_scenarios
 
 FRACTIONS = [0.05, 0.065, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]  # of the rate limit
@@ -52,7 +51,7 @@ class Design:
     """Of the search."""
     episodes: int = 100
     """Tuning episodes that judge a share of the rate limit."""
-    scenarios: tuple[str, ...] = tuple(name for name in SCENARIOS if name not in PREPARED_AS)
+    scenarios: tuple[str, ...] = ("default", "tight", "paper")
     """Scenarios to design for: names, .json or .toml files, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to design for: names, .json or .toml files, or module:name (runs the module's code)."""

@@ -55,7 +55,7 @@ def train(steps, seed, limits=LIMITS, constrained=True):
                 observations[t], actions[t] = observation, explored.sample()
                 log_probs[t] = explored.log_prob(actions[t]).sum(-1)
                 values[t] = critic(observation)
-            following, reward, cost, terminated, truncated, _ = env.step(actions[t].numpy())
+            following, reward, cost, terminated, truncated, _ = env.step(task.commanded(actions[t].numpy()))
             observation = torch.as_tensor(following)
             signals[t] = torch.as_tensor(np.column_stack([reward, cost]))
             dones[t] = torch.as_tensor(terminated | truncated)
@@ -104,7 +104,7 @@ def scores(actor, limits=LIMITS, episodes=64):
     for _ in range(env.unwrapped.problem.scenario.decisions):
         with torch.no_grad():
             action = actor(torch.as_tensor(observation)).numpy()
-        observation, _, cost, terminated, _, info = env.step(action)
+        observation, _, cost, terminated, _, info = env.step(task.commanded(action))
         costs.append(cost[alive])
         errors.append(np.where(alive, info["relative_error"], errors[-1]))
         alive &= ~terminated
