@@ -116,7 +116,7 @@ def scores(actor, limits=LIMITS, episodes=64):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=400_000, help="decisions, all environments together")
+    parser.add_argument("--steps", type=int, default=800_000, help="decisions, all environments together")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of environments, networks and exploration")
     parser.add_argument("--no-limits", action="store_true", help="plain PPO: the same without multipliers")
     options = parser.parse_args()
