@@ -104,6 +104,14 @@ def test_figures_of_other_episodes_are_never_shown(tmp_path, plain, full, change
     assert "--all flies the planners" in notes
 
 
+def test_a_setting_that_satellites_have_had_since_voids_no_figures(tmp_path, plain, full):
+    """Where it has its default."""
+    full = copy.deepcopy(full)
+    for satellite in full["definitions"]["satellites"].values():
+        del satellite["sensors"]["star_tracker"]
+    assert found(tmp_path, full, plain)[0]
+
+
 def test_a_satellite_or_mode_that_was_not_flown_is_left_out_and_said(tmp_path, plain, full):
     plain = copy.deepcopy(plain)
     plain["settings"]["satellites"] = ["cubesat", "scout"]

@@ -19,6 +19,7 @@ from agents.benchmark.results import file_names, read_results
 from baselines.command.provenance import portable
 from satid_gym.files import DamagedFileError, read_json, write_bytes
 from satid_gym.policies.registry import PLANNERS
+from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 
 ROOT = Path(__file__).parents[2]
@@ -154,10 +155,14 @@ def _other_episodes(old: Values, results: Values) -> str:
 
 def _other_satellite(old: Values, results: Values, satellite: str) -> str:
     """Why the episodes of a satellite differ; "" if they do not."""
-    defined = [_plain(made["definitions"]["satellites"].get(satellite)) for made in (old, results)]
-    if defined[0] is None:
+    before, now = (made["definitions"]["satellites"].get(satellite) for made in (old, results))
+    if before is None:
         return "do not have this satellite"
-    if defined[0] != defined[1]:
+    try:
+        same = Satellite.from_dict(before) == Satellite.from_dict(now)  # settings that are new have their defaults
+    except (ValueError, TypeError) as error:
+        return f"are of a satellite of this name that this version does not have ({error})"
+    if not same:
         return "are of a satellite of this name with other values"
     flown = {r["inertia_mode"] for r in old["records"] if r["satellite"] == satellite and r["policy"] in PLANNERS}
     for mode in results["settings"]["modes"]:
