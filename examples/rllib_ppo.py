@@ -18,7 +18,7 @@ from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.rllib import ArrayEnvRunner, learned_policy
 
 torch.set_num_threads(1)  # the network is small: a second thread only takes cores from the environments
-ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
 
 world = {
     "satellite": "microsat",

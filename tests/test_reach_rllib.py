@@ -32,7 +32,7 @@ EPISODE = "episode_return_mean", "episode_return_min", "episode_return_max", "nu
 @pytest.fixture(scope="module", autouse=True)
 def _cluster():
     torch.set_num_threads(1)
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+    ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
     yield
     ray.shutdown()
 
