@@ -15,11 +15,13 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from satid_gym import metrics
 from satid_gym.config import check_integer, unknown_name
+from satid_gym.core.records import concatenate
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.estimators.settings import EstimatorSettings
+from satid_gym.fleet import Fleet
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
 from satid_gym.laws import InertiaLaw
-from satid_gym.policy import Policy, observation_settings, only_mission
+from satid_gym.policy import Policy, observation_settings, only_mission, show_filter
 from satid_gym.resolution import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
@@ -140,13 +142,14 @@ def fly(
     env: VectorEnv[np.ndarray, np.ndarray, np.ndarray]
     if truth is None:
         env = own = SatInertiaIDVectorEnv(len(seeds), num_threads=num_threads, **settings)
-        posed = own.problem
+        posed, fleets = own.problem, [own.fleet]
     else:
         truths = [truth_of(truth) for _ in seeds]
         if len(set(map(id, truths))) < len(truths):
             raise ValueError("truth must be a class or a function that makes one for each episode, got a single object")
         singles = [SatInertiaIDEnv(truth=own_truth, **settings) for own_truth in truths]
         env, posed = SyncVectorEnv([partial(_same, single) for single in singles]), singles[0].problem
+        fleets = [single.fleet for single in singles]
     world = posed.scenario
     mission = only_mission(posed)
     policy.reset(mission, seeds)
@@ -156,6 +159,7 @@ def fly(
     series = {name: np.zeros((decisions, count)) for name in names}
     alive = np.ones((decisions + 1, count), bool)
     for t in range(decisions):
+        show_filter(policy, *_filters(fleets))
         observation, rewards, terminated, _, info = env.step(policy(observation))
         now = alive[t]
         series["error"][t] = np.where(now, info["relative_error"], series["error"][t - 1])
@@ -169,6 +173,12 @@ def fly(
     env.close()
     time = world.decision_period * np.arange(1, decisions + 1)
     return Flight(time=time, alive=alive[:-1], step_time=_step_time(inertia, world), **series)
+
+
+def _filters(fleets: Sequence[Fleet]) -> tuple[np.ndarray, np.ndarray]:
+    """Records of the filters and tasks of all, in order."""
+    beliefs, tasks = ([getattr(fleet.rows, part) for fleet in fleets] for part in ("beliefs", "tasks"))
+    return (beliefs[0], tasks[0]) if len(fleets) == 1 else (concatenate(beliefs), concatenate(tasks))
 
 
 def _same(env: SatInertiaIDEnv) -> SatInertiaIDEnv:

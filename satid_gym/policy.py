@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -83,7 +83,8 @@ class Policy(Protocol):
 
     A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance, one
     whose attribute `observation` is "body" the form of that name, and one with a true attribute `include_walk` the
-    random walk of the inertia that the filter uses.
+    random walk of the inertia that the filter uses. One that plans with the filter that flies, a `FilterPlanner`, is
+    shown its records by whoever flies it, see `show_filter`.
 
     Attributes:
         name: what tables call it.
@@ -112,3 +113,17 @@ def observation_settings(policy: Policy) -> dict[str, Any]:
         "observation": getattr(policy, "observation", "wheels"),
         "include_walk": bool(getattr(policy, "include_walk", False)),
     }
+
+
+@runtime_checkable
+class FilterPlanner(Policy, Protocol):
+    """Policy that plans with the filter that flies: all that it believes, which observations give in part alone."""
+
+    def see(self, beliefs: np.ndarray, tasks: np.ndarray) -> None:
+        """Take note of the records (N,) of filter and task, before the observation of the same decision."""
+
+
+def show_filter(policy: Policy, beliefs: np.ndarray, tasks: np.ndarray) -> None:
+    """Show a policy, where it is a `FilterPlanner`, the filters (N,) that fly. The truth is in neither record."""
+    if isinstance(policy, FilterPlanner):
+        policy.see(beliefs, tasks)

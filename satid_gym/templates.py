@@ -75,7 +75,7 @@ def _template(p: Problem, mission: Mission, inertia: np.ndarray | None, room: in
     plant["tachometer_noise_std"] = operating.tachometer_noise_std
     _write_sampling(plant["sampling"], operating.sensors, scenario.sample_period)
     if operating.sensors.star_tracker is not None:
-        _write_tracker(plant["tracker"], operating.sensors.star_tracker, scenario)
+        write_tracker(plant["tracker"], operating.sensors.star_tracker, scenario)
     plant["gyro_outlier"] = scenario.faults.gyro_outlier
     plant["gyro_outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
     beliefs = new_belief(mission.prior, mission.estimator)
@@ -94,7 +94,8 @@ def _write_sampling(row: np.void, sensors: Sensors, period: float) -> None:
         row[name] = getattr(sensors, name)
 
 
-def _write_tracker(row: np.void, tracker: StarTracker, scenario: Scenario) -> None:
+def write_tracker(row: np.void, tracker: StarTracker, scenario: Scenario) -> None:
+    """Write a data sheet to a record of `core.truth.star_tracker.tracker_dtype`."""
     row["on"], row["every"] = 1, tracker.samples(scenario.sample_period)
     for name in ("boresight", "across_std", "round_std", "reacquire"):
         row[name] = getattr(tracker, name)

@@ -277,10 +277,10 @@ def test_the_oracle_is_compared_over_the_episodes_that_it_flew():
     oracle, rival = scored(1.0, 3.0), scored(2.0, 4.0, 50.0, 60.0)
     assert over(rival, oracle) == 1.5
     assert over(scored(2.0, np.inf, 1.0), oracle) is None
-    own = row(Gate(), ("rival", {}, rival), oracle)
+    own = row(Gate(), ("rival", {}, rival, 1.0), oracle)
     assert own["over_oracle"] == 1.5
     assert own["expected"] == 29.0
-    assert row(Gate(), ("rival", {}, rival), None)["over_oracle"] is None
+    assert row(Gate(), ("rival", {}, rival, 1.0), None)["over_oracle"] is None
 
 
 def test_ratios_are_shown(capsys):
@@ -292,7 +292,7 @@ def test_ratios_are_shown(capsys):
         "shaped_square": scored(0.015, cost=0.5),
         "oracle": scored(0.01),
     }
-    show([row(Gate(), (name, {}, flight), flights["oracle"]) for name, flight in flights.items()])
+    show([row(Gate(), (name, {}, flight, 1.0), flights["oracle"]) for name, flight in flights.items()])
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.endswith("best of the eight 2.000, rate_square 4.000, shaped_square not inside")
 

@@ -25,7 +25,7 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import satellites, section_table, vector_arguments
-from agents.docs.world_tables import basilisk, gates, rate_loops, unmodelled
+from agents.docs.world_tables import basilisk, gates, planners, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -180,6 +180,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "appendages": appendages,
         "calibration": calibration,
         "gate": gates,
+        "planners": planners,
         "laws": laws,
         "faults": faults,
     },

@@ -44,6 +44,14 @@ def gates() -> str:
     )
 
 
+def planners() -> str:
+    """`filter_mpc` beside the closed loop of each scenario, from the committed flights."""
+    return "\n\n".join(
+        gate_table(_committed(f"planner_{name}", f"gate --scenario {name}", "rows"))
+        for name in ("flex", "slosh", "calibration")
+    )
+
+
 def basilisk() -> str:
     """Basilisk's truth beside the environment's own, from the committed study."""
     return basilisk_table(_committed("basilisk", "basilisk", "cells", folder="studies"))
@@ -105,10 +113,16 @@ def gate_table(results: Mapping[str, Any]) -> str:
         for cells, own in zip(rows, results["rows"], strict=True):
             value = own["expected_at_end"]
             cells.insert(4, "-" if value is None else f"{100.0 * value:.3f}")
-    said = (
-        "Scenario {scenario}, {satellite}, {inertia}: {tuned} tuning and {episodes} validation episodes, {oracle} of "
-        "these for the oracle. The expected error is the filter's own, mean over the flight. Revision "
-    ).format(**results["settings"])
+    if results["settings"]["oracle"] == 0:
+        column = head.index("over the oracle")
+        head[column] = "ms a decision"
+        for cells, own in zip(rows, results["rows"], strict=True):
+            cells[2 + column] = f"{own['decision_ms']:.2g}"
+    said = "Scenario {scenario}, {satellite}, {inertia}: {tuned} tuning and {episodes} validation episodes"
+    if results["settings"]["oracle"] > 0:
+        said += ", {oracle} of these for the oracle"
+    said += ". The expected error is the filter's own, mean over the flight. Revision "
+    said = said.format(**results["settings"])
     return table(["policy", "settings", *head], rows, text_columns=2) + f"\n\n{said}{results['revision'][:7]}."
 
 

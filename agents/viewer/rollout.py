@@ -15,7 +15,7 @@ from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
-from satid_gym.policy import Policy, observation_settings, only_mission
+from satid_gym.policy import Policy, observation_settings, only_mission, show_filter
 from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
 
 _MODES = ("random", *INERTIA_MODES, *MASS_MODES)
@@ -52,6 +52,8 @@ class Rollout:
         """Take a decision; no effect after the end of the episode."""
         if self.over:
             return
+        rows = self.env.fleet.rows
+        show_filter(self.policy, rows.beliefs, rows.tasks)
         action = self.policy(self._observation[None])[0]
         self._observation, _, self.terminated, truncated, self.info = self.env.step(action)
         self.over = self.terminated or truncated

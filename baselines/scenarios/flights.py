@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym.gym_api import COSTS
-from satid_gym.policy import Policy, missions, observation_settings
+from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
@@ -75,6 +75,7 @@ def flown(cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = 
     for _ in range(steps):
         if told is not None:
             observation = told(env, observation)
+        show_filter(policy, env.fleet.rows.beliefs, env.fleet.rows.tasks)
         observation, _, terminated, _, info = env.step(policy(observation))
         lived += alive
         error = np.where(alive, _error(env), error)

@@ -33,6 +33,7 @@ from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell, Flown, flown
 from baselines.scenarios.oracle import PLANS, search
 from baselines.scenarios.rivals import choose, rivals
+from baselines.studies.timing import TimedPolicy
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_json
@@ -46,7 +47,7 @@ from satid_gym.profiles import PROFILES
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
 
-Entry = tuple[str, dict[str, float], Flown]  # name, settings and flight of a policy
+Entry = tuple[str, dict[str, float], Flown, float | None]  # name, settings and flight of a policy; ms a decision
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +68,8 @@ class Gate:
     """Episodes that are flown, validation seeds."""
     oracle: int = 32
     """Episodes of these that the oracle flies too; 0: no oracle."""
+    rivals: tuple[str, ...] = ()
+    """Rivals that fly; all where none is named."""
     policies: tuple[str, ...] = ()
     """Learned policies that fly too: names of shipped ones, paths of a policy's files or of a run, or NAME=PATH."""
     output: Path = Path("results/gate.json")
@@ -94,6 +97,8 @@ class Gate:
                 "--oracle 0"
             )
 
+        if self.rivals:
+            check_names("rival", self.rivals, rivals(self.scenario))
         taken = [*rivals(self.scenario), "oracle"]
         for policy in self.learned():
             if policy.name in taken:
@@ -114,7 +119,7 @@ class Gate:
 
 def row(gate: Gate, entry: Entry, oracle: Flown | None) -> dict[str, Any]:
     """Line of the table."""
-    name, settings, flight = entry
+    name, settings, flight, decision_ms = entry
     return {
         "policy": name,
         "settings": settings,
@@ -128,6 +133,7 @@ def row(gate: Gate, entry: Entry, oracle: Flown | None) -> dict[str, Any]:
         "costs": dict(zip(COSTS, flight.costs.mean(axis=0).tolist(), strict=True)),
         "terminated": float(flight.terminated.mean()),
         "inside": flight.inside(gate.cost),
+        "decision_ms": decision_ms,
     }
 
 
@@ -180,19 +186,23 @@ def _ratio(own: dict[str, Any]) -> str:
 def entry_of(cell: Cell, name: str, cost: float, tuned: int, episodes: int) -> Entry:
     """A rival with its best settings, and how it flies; the last two are numbers of episodes."""
     settings, policy = choose(cell, rivals(cell.scenario)[name], cost, tuned)
-    return name, settings, flown(cell, policy, seeds("validation", episodes))
+    timed = TimedPolicy(policy)
+    flight = flown(cell, timed, seeds("validation", episodes))
+    return name, settings, flight, timed.decision_ms
 
 
 def main_rows(gate: Gate) -> list[dict[str, Any]]:
     """All lines of the table."""
-    calls = [(gate.cell, name, gate.cost, gate.tuned, gate.episodes) for name in rivals(gate.scenario)]
+    calls = [(gate.cell, name, gate.cost, gate.tuned, gate.episodes) for name in gate.rivals or rivals(gate.scenario)]
     entries: list[Entry] = list(each(entry_of, calls, gate.ray, desc=gate.scenario, unit="policy"))
     oracle = None
     for learned in gate.learned():
-        entries.append((learned.name, {}, flown(gate.cell, learned, seeds("validation", gate.episodes))))
+        timed = TimedPolicy(learned)
+        flight = flown(gate.cell, timed, seeds("validation", gate.episodes))
+        entries.append((learned.name, {}, flight, timed.decision_ms))
     if gate.oracle:
         oracle = search(gate.cell, seeds("validation", gate.oracle), gate.cost, ray=gate.ray)
-        entries.append(("oracle", {}, oracle))
+        entries.append(("oracle", {}, oracle, None))
     return [row(gate, entry, oracle) for entry in entries]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.scenarios.flights import Cell, flown
 from satid_gym.evaluation import seeds
+from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.registry import build
@@ -52,6 +53,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         for a in amplitudes
     ]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
+    rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     return {
@@ -59,9 +61,20 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         "random": [({}, RandomPolicy())],
         **loud,
         "rate_square": squares,
-        **({"shaped_square": shaped} if _has_limit(scenario) else {}),
-        **({"swing_and_stop": swings, **planned} if _has_tracker(scenario) else {}),
+        **({"shaped_square": shaped, "filter_mpc": rehearsed} if _has_limit(scenario) else {}),
+        **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
     }
+
+
+def _rehearsals(scenario: str) -> list[dict[str, Any]]:
+    """Settings of `filter_mpc` to try: certainty-equivalent with no caution."""
+    if _has_tracker(scenario):
+        return [{"horizon": 40, "edits": 16}, {"horizon": 60, "edits": 24}]
+    return [
+        {"horizon": 16, "edits": 24, "tail": 5.0, "caution": caution, "amplitude": amplitude}
+        for caution in (0.0, 1.0, 2.0)
+        for amplitude in (0.7, 1.0)
+    ]
 
 
 def _has_limit(scenario: str) -> bool:

@@ -18,7 +18,7 @@ from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.policies.shipped import find, names
-from satid_gym.policy import Kind, Mission, Policy, observation_settings
+from satid_gym.policy import FilterPlanner, Kind, Mission, Policy, observation_settings
 from satid_gym.satellite import SATELLITES
 
 
@@ -36,6 +36,8 @@ class TimedPolicy:
         self.policy, self.name = policy, policy.name
         self.kind: Kind = policy.kind
         vars(self).update(observation_settings(policy))  # it observes what that policy asks for
+        if isinstance(policy, FilterPlanner):
+            self.see = policy.see
         self.times: list[float] = []
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:

@@ -21,7 +21,7 @@ from satid_gym.files import check_writable, write_bytes, write_text
 from satid_gym.html_page import document, image, table, video
 from satid_gym.onboard.choice import policy_by_name
 from satid_gym.policies import LearnedPolicy
-from satid_gym.policy import observation_settings, only_mission
+from satid_gym.policy import observation_settings, only_mission, show_filter
 from satid_gym.problem import CONTROLS
 
 _EXAMPLES = """examples:
@@ -107,6 +107,7 @@ def _fly(env: SatInertiaIDEnv, policy: Any, seed: int, draw: Callable[[], None] 
     for decision in range(1, decisions + 1):
         if draw is not None and (decision - 1) % max(1, decisions // _FRAMES) == 0:
             draw()
+        show_filter(policy, env.fleet.rows.beliefs, env.fleet.rows.tasks)
         observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])
         for name, values in series.items():
             values.append(info[name])

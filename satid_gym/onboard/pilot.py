@@ -15,7 +15,7 @@ from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
 from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, sun_direction, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
-from satid_gym.policy import Policy, missions, observation_settings
+from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.problem import problem
 from satid_gym.resolution import SatelliteLike, ScenarioLike
 from satid_gym.templates import build_templates
@@ -228,6 +228,7 @@ class Pilot:
     def _decide(self, due: int) -> None:
         """Ask the policy, once for each decision that is due, so that one that counts them keeps up."""
         for _ in range(due):
+            show_filter(self.policy, self._beliefs, self._tasks)
             action = real_action("action", self.policy(self._observation.copy()))
         self._decided, self.status.counts["missed"] = self._decided + due, self.status.counts["missed"] + due - 1
         self._tasks["nis_sum"], self._tasks["nis_count"] = 0.0, 0

@@ -10,6 +10,7 @@ from typing import Any
 
 from satid_gym.config import unknown_name
 from satid_gym.policies import grids
+from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.greedy import GreedyPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.open_loop_optimal import (
@@ -74,6 +75,7 @@ BASELINES: dict[str, Baseline] = {
 RATE_BASELINES: dict[str, Baseline] = {
     "shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False),
     "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
+    "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False),
 }
 """Baselines for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)

@@ -14,10 +14,11 @@ import functools
 import numpy as np
 
 from satid_gym.core.algebra import axpy, dot, load, norm, store
-from satid_gym.core.jit import inline, outline
+from satid_gym.core.jit import outline
 from satid_gym.core.random import normal
 from satid_gym.core.records import FLOAT, INT
-from satid_gym.core.rotation import load_quaternion, product, store_quaternion, to_inertial, turn
+from satid_gym.core.rotation import load_quaternion, product, store_quaternion, turn
+from satid_gym.core.sky import is_blind
 from satid_gym.core.truth.disturbance import orbit_phase
 
 SEES_ALL = 2.0  # cosine of an exclusion that excludes nothing
@@ -63,20 +64,11 @@ def begin_tracker(plant):
     store(plant.solar_force, axpy(-norm(load(plant.solar_force)), sun, (0.0, 0.0, 0.0)))
 
 
-@inline
-def _is_blind(plant):
-    tracker, (cosine, sine) = plant.tracker, orbit_phase(plant, plant.time)
-    boresight = to_inertial(plant.attitude, load(tracker.boresight))
-    blinded = dot(boresight, load(tracker.sun)) > tracker.sun_cosine
-    blinded = blinded or dot(boresight, (cosine, sine, 0.0)) > tracker.earth_cosine
-    return blinded or norm(load(plant.rate)) > tracker.rate_limit
-
-
 @outline
 def read_tracker(plant):
     """Write whether the tracker tracks at plant.time, and a reading where one is due."""
     tracker = plant.tracker
-    blind = _is_blind(plant)
+    blind = is_blind(tracker, plant.attitude, load(plant.rate), orbit_phase(plant, plant.time))
     if blind:
         tracker.ready = plant.time + tracker.reacquire
     tracker.tracks = 1 if not blind and plant.time >= tracker.ready - _SAME else 0
