@@ -42,7 +42,7 @@ class Cost:
 
     workers: tuple[int, ...] = (1, 2, 4, 8)
     """Nodes of one core, a cluster for each number."""
-    episodes: int = 100
+    episodes: int = 50
     """Of each of the 24 tasks: two policies in twelve cells."""
     empty: int = 400
     """Tasks that do nothing, for the cost of a task itself."""
@@ -141,16 +141,18 @@ def measure(count: int, cost: Cost) -> dict[str, float]:
     with nodes(count), cluster.executor("auto", keep=False) as pool, tempfile.TemporaryDirectory() as folder:
         started = lambda: [f.result() for f in [pool.submit(first, Path(folder), count) for _ in range(count)]]  # noqa: E731
         _, start, _ = spent(started)
-        _, idle, wall = spent(lambda: time.sleep(cost.idle))
+        _, idle, seconds = spent(lambda: time.sleep(cost.idle))
+        idle = {name: used / seconds for name, used in idle.items()}  # a second, which the others' figures are without
         _, empty, took = spent(lambda: [f.result() for f in [pool.submit(abs, i) for i in range(cost.empty)]])
-        results, full, _ = spent(lambda: fly_all(pool, cost.episodes))
+        results, full, wall = spent(lambda: fly_all(pool, cost.episodes))
     if any(one.error.tobytes() != other.error.tobytes() for one, other in zip(results, flown, strict=True)):
         raise RuntimeError(f"flights on {count} workers differ from those of this process")
+    empty, full = ({n: used[n] - idle[n] * t for n in idle} for used, t in ((empty, took), (full, wall)))
     return {
         "workers": count,
         "CPU, times the local one": sum(full.values()) / local["driver"],
         "start, CPU s a worker": sum(start.values()) / count,
-        "idle, CPU ms a second and node": 1e3 * sum(idle.values()) / wall / (count + 1),
+        "idle, CPU ms a second and node": 1e3 * sum(idle.values()) / (count + 1),
         "an empty task, CPU ms": 1e3 * sum(empty.values()) / cost.empty,
         "of it the driver's": 1e3 * empty["driver"] / cost.empty,
         "the driver's, CPU ms a flight": 1e3 * full["driver"] / len(flown),
