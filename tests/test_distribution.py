@@ -5,7 +5,7 @@ import sys
 import pytest
 
 import satid_gym
-from tests.qa.distribution import FLY, ROOT, build, call, contents, install, unpack
+from tests.qa.distribution import FLY, ROOT, build, call, contents, first_examples, install, unpack
 
 pytestmark = pytest.mark.slow  # builds and installs
 
@@ -45,6 +45,7 @@ def test_the_wheel_alone_is_imported_and_its_environment_registered(built, tmp_p
     python = install(built[0], tmp_path / "environment")
     code = "import gymnasium, satid_gym; gymnasium.spec('SatInertiaID-v0'); print(satid_gym.__file__)"
     assert str(tmp_path / "environment") in call(python, "-c", code, cwd=tmp_path)
+    assert first_examples().count('gymnasium.make("SatInertiaID-v0"') == 2
     for name in ("agents", "baselines", "tests.conftest"):
         with pytest.raises(RuntimeError, match="ModuleNotFoundError"):
             call(python, "-c", f"import {name}", cwd=tmp_path)
@@ -54,6 +55,7 @@ def test_the_wheel_alone_is_imported_and_its_environment_registered(built, tmp_p
 @pytest.mark.compiled
 def test_the_wheel_alone_flies_what_is_shipped(built, tmp_path):
     python = install(built[0], tmp_path / "environment")
+    assert call(python, "-c", first_examples(), cwd=tmp_path).startswith("relative error")
     flown = call(python, "-c", FLY, cwd=tmp_path).splitlines()
     assert [line.split(":")[0] for line in flown] == ["generalist", "mpc"]
 

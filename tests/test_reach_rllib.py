@@ -229,20 +229,32 @@ def test_what_takes_a_step_of_each_environment_is_refused(settings, said):
 
 
 def test_it_is_several_times_as_fast():
-    """Side by side in one run, by turns, the best of each; on an idle machine it is five times and more."""
+    """Side by side in one run, by turns, the best of each.
+
+    Of the thread that samples, time on a core: on a machine that nobody else uses that is wall time, of which other
+    programs take more from the one that is fast, since its environments use all cores most of the time.
+    """
     world = {"control": "rate", "include_covariance": True}
-    best = [0.0, 0.0]
-    runners = both(envs=256, steps=20, world=world, fcnet_hiddens=[64, 64])
-    for runner in runners:
-        runner.sample(num_timesteps=512)
-    for _ in range(4):
-        for i, runner in enumerate(runners):
-            start = time.perf_counter()
-            taken = sum(map(len, runner.sample()))
-            best[i] = max(best[i], taken / (time.perf_counter() - start))
-    ratio = best[1] / best[0]
-    print(f"decisions a second: RLlib's own runner {best[0]:.0f}, ArrayEnvRunner {best[1]:.0f}, {ratio:.1f} times")
-    assert ratio > 2.5
+    for envs in (64, 256, 1024):
+        runners = both(envs=envs, steps=20, world=world, fcnet_hiddens=[64, 64])
+        env = runners[1].env
+        actions = env.action_space.sample()
+        calls = (*(runner.sample for runner in runners), lambda: [env.step(actions)] * envs)  # noqa: B023, called here
+        best = np.full((3, 2), np.inf)  # microseconds a decision, of the thread and of wall time
+        for _ in range(5):
+            for i, call in enumerate(calls):
+                start = np.array([time.thread_time(), time.perf_counter()])
+                taken = sum(map(len, call())) if i < 2 else len(call())
+                best[i] = np.minimum(best[i], 1e6 * ([time.thread_time(), time.perf_counter()] - start) / taken)
+        for runner in runners:
+            runner.stop()
+        ratio, wall = best[0] / best[1]
+        own, ours, alone = best[:, 0]
+        print(
+            f"{envs} environments: {own:.1f} us by RLlib's own runner, {ours:.1f} us by ArrayEnvRunner, of which the "
+            f"environments {alone:.1f}; {ratio:.1f} times as fast, {wall:.1f} in wall time"
+        )
+        assert ratio > 2.0
 
 
 # policies

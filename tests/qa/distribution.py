@@ -2,11 +2,14 @@
 
 Writes dist/. The second build is made in another folder from the first one's sdist, and must give the same bytes. The
 wheel is then installed in a virtual environment of its own, which sees what this one has of others' packages, but not
-this checkout. `make dist` calls it. The exit code is 1 where something fails.
+this checkout; with --index pip installs those there, as for a user. README's first examples run there. `make dist`
+calls it. The exit code is 1 where something fails.
 """
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -14,21 +17,12 @@ import tarfile
 import tempfile
 import venv
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.command import cli
 
 ROOT = Path(__file__).parents[2]
-USE = """
-import gymnasium
-env = gymnasium.make("satid_gym:SatInertiaID-v0")
-observation, info = env.reset(seed=0)
-for _ in range(5):
-    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-assert env.observation_space.contains(observation)
-import satid_gym
-print(f"5 decisions with {satid_gym.__file__}, relative error {info['relative_error']:.3f}")
-"""
 FLY = """
 import importlib.util, sys
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
@@ -43,13 +37,28 @@ assert not any(map(importlib.util.find_spec, ("agents", "baselines")))
 """
 
 
+@dataclass(frozen=True, kw_only=True)
+class Distribution:
+    """What to build."""
+
+    index: bool = False
+    """Let pip install what the wheel needs from its index, in place of what is installed here."""
+
+
+def first_examples() -> str:
+    """README's first two blocks of Python: the environment, and one episode."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    return "\n".join(blocks[:2])
+
+
 def call(*command: str | Path, cwd: Path = ROOT) -> str:
     """Output of a command.
 
     Raises:
         RuntimeError: it failed; the message is what it printed.
     """
-    done = subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True)
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # it may name this checkout
+    done = subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True, env=own)
     if done.returncode:
         raise RuntimeError(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
     return done.stdout.strip()
@@ -76,10 +85,13 @@ def contents(wheel: Path) -> list[str]:
         return archive.namelist()
 
 
-def install(wheel: Path, folder: Path) -> Path:
-    """A virtual environment with the wheel, and others' packages by path; its Python."""
+def install(wheel: Path, folder: Path, *, index: bool = False) -> Path:
+    """A virtual environment with the wheel, and others' packages by path or from the index; its Python."""
     venv.create(folder, with_pip=False)
     python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"
+    if index:
+        call(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", wheel)
+        return python
     call(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps", "--no-index", wheel)
     places = call(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder)
     # a path in a .pth file is searched, but .pth files there are not read: an editable install stays out of sight
@@ -87,7 +99,7 @@ def install(wheel: Path, folder: Path) -> Path:
     return python
 
 
-def main() -> int:
+def main(distribution: Distribution) -> int:
     """Build, compare, install and use; the exit code."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -100,10 +112,10 @@ def main() -> int:
                 if not same:
                     return 1
             print(call(sys.executable, "-m", "twine", "check", "--strict", *first))
-            python = install(first[0], folder / "environment")
+            python = install(first[0], folder / "environment", index=distribution.index)
             print(call(sys.executable, "-m", "pip", "--python", python, "check"))
             print(call(python, "-m", "satid_gym.warmup", cwd=folder))
-            print(call(python, "-c", USE, cwd=folder))
+            print(call(python, "-c", first_examples(), cwd=folder))
             print(call(python, "-c", FLY, cwd=folder))
         except RuntimeError as error:
             print(error, file=sys.stderr)
