@@ -110,12 +110,12 @@ class LearnedPolicy:
         details: its training and scores; kept in the JSON file.
         observation: form of the network's observations, "wheels" or "body".
         include_walk: whether they include the random walk of the inertia that the filter uses.
-        repeat: decisions for which each rate command is repeated.
+        repeat: decisions for which each command of the network is repeated.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, the margin is not a finite
             number of at least 0, include_covariance or include_walk is not a bool, repeat is not an integer of at
-            least 1, or 1 with torque, or a network that commands rates has other than 3 outputs.
+            least 1, or a network that commands rates has other than 3 outputs.
     """
 
     kind: Kind = "learned"
@@ -144,10 +144,7 @@ class LearnedPolicy:
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
         self.include_walk = check_flag("include_walk of a learned policy", include_walk)
         self.name, self.network, self.control, self.margin = name, network, control, margin
-        self.repeat = check_integer("repeat of a learned policy", repeat)
-        if control == "torque" and repeat > 1:
-            raise ValueError(f"a network that commands torque decides each time: repeat must be 1, got {repeat}")
-        self.details = dict(details or {})
+        self.repeat, self.details = check_integer("repeat of a learned policy", repeat), dict(details or {})
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare for the satellite.
@@ -190,15 +187,12 @@ class LearnedPolicy:
         if self._decisions % self.repeat == 0:
             self._command = self._network(observation)
         self._decisions += 1
-        if self._loop is None:
-            return np.clip(self._command, -1.0, 1.0)
-        return self._loop(observation, self._command)
+        return np.clip(self._command, -1.0, 1.0) if self._loop is None else self._loop(observation, self._command)
 
     def save(self, path: Path) -> None:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
-        digest = hashlib.sha256(tensors).hexdigest()
-        own = [getattr(self, name) for name in _OWN]
+        own, digest = [getattr(self, name) for name in _OWN], hashlib.sha256(tensors).hexdigest()
         values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
@@ -227,14 +221,13 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} is damaged or not of {text.name}: its checksum differs; copy both again")
         details = {name: value for name, value in head.items() if name not in _HEAD}
         try:
-            # files from before there was a choice say nothing of the two
-            choices = head.get("activation", "tanh"), head.get("squashed", False)
+            choices = head.get("activation", "tanh"), head.get("squashed", False)  # older files lack them
             network = Network.from_tensors(load(content), *choices)
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # older files lack them
+            later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
