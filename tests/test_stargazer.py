@@ -21,6 +21,7 @@ from satid_gym.flightcode.policy_source import policy_source
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.reference import ZeroPolicy
+from satid_gym.policies.shipped import RATE_PRETRAINED
 from satid_gym.policy import observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.sb3 import RateCommandVecEnv
@@ -158,4 +159,4 @@ def test_c_and_onnx_refuse_a_policy_that_repeats_its_commands():
 
 def test_a_rival_has_another_name():
     with pytest.raises(ValueError, match="NAME=PATH"):
-        Comparison(policy="mpc=stargazer", rivals=("mpc",)).check()
+        Comparison(policy=f"mpc={RATE_PRETRAINED / 'stargazer'}", rivals=("mpc",)).check()
