@@ -11,6 +11,7 @@ from stable_baselines3 import PPO
 from agents.training.clocks import set_clocks
 from agents.training.run import Run, network_of
 from agents.training.sb3.loop import AfterUpdate, Training, environment
+from agents.training.sb3.switches import with_switches
 from agents.training.settings import RLSettings
 from satid_gym.policies.learned import LearnedPolicy
 
@@ -59,6 +60,8 @@ class ExcitationPPO(AfterUpdate, PPO):
 def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
     network, s = network_of([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
+    if s.switches:
+        network = with_switches(network)
     return LearnedPolicy(
         s.name,
         network,
@@ -67,6 +70,7 @@ def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
         s.include_covariance,
         observation=s.observation,
         include_walk=s.include_walk,
+        repeat=s.repeat,
     )
 
 
@@ -89,7 +93,7 @@ def train(run: Run) -> PPO:
             gae_lambda=s.gae_lambda,
             clip_range=s.clip_range,
             ent_coef=s.entropy,
-            use_sde=True,
+            use_sde=not s.switches,
             sde_sample_freq=s.hold,
             policy_kwargs={"net_arch": list(s.hidden), "log_std_init": s.log_std},
             seed=s.seed,

@@ -53,11 +53,13 @@ def validate(policy: LearnedPolicy, settings: Task, episodes: int) -> list[dict[
     return rows
 
 
-def merit(rows: list[dict[str, Any]]) -> float:
+def merit(rows: list[dict[str, Any]], judged_by: str = "errors") -> float:
     """Lower is better: geometric mean of final and mean error over satellites, and first to keep to the envelope.
 
-    Of many satellites one in twenty may be beyond it.
+    Of many satellites one in twenty may be beyond it. By "reward", which pays for the envelope itself: less its mean.
     """
+    if judged_by == "reward":
+        return -float(np.mean([row["reward"] for row in rows]))
     errors = [row[name] for row in rows for name in ("final_error", "mean_error")]
     beyond = np.array([beyond_envelope(row["outside_fraction"], row["saturated_fraction"]) for row in rows])
     excess = beyond.max() / BEYOND_MAX
@@ -149,7 +151,7 @@ class Run:
     def keep(self, policy: LearnedPolicy) -> None:
         """Save an evaluated policy as `last`, and as `policy` if none was better."""
         policy.save(self.folder / "last")
-        score = merit(policy.details["validation"])
+        score = merit(policy.details["validation"], self.settings.judged_by)
         if score < self.best:
             self.best = score
             policy.save(self.folder / "policy")

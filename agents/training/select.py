@@ -131,7 +131,7 @@ def main(selection: SeedSelection) -> int:
         for run, cells in zip(selection.runs, found, strict=True):
             shown = np.stack([cells.mean(axis=0), cells.max(axis=0)]) * [1.0, 1.0, 100.0]
             print(f"{run.name:24s}" + "".join(f"   {mean:.3f} {most:.3f}" for mean, most in shown.T))
-    best = int(np.argmin([merit(run) for run in rows]))
+    best = int(np.argmin([merit(run, trained[0].judged_by) for run in rows]))
     print(f"best by final and mean error: {selection.runs[best]}")
     if selection.ship:
         policy = policies[best]

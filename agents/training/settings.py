@@ -67,6 +67,9 @@ class Task(Config):
     """Of environments, network and exploration."""
     evaluation_episodes: int = 32
     """Episodes of an evaluation on validation seeds, on each satellite."""
+    judged_by: Literal["errors", "reward"] = "errors"
+    """What chooses among a run's policies, on validation seeds: final and mean error, or the reward, where an unknown
+    unit that no excitation finds is most of the errors (scenario "calibration")."""
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
@@ -165,6 +168,11 @@ class RLSettings(Task):
     observation: Form = "wheels"
     """What the network sees of the wheels: each one, or what they do to the "body", with the modes of panels and
     tanks; that one goes with `tracked`."""
+    switches: bool = False
+    """Whether the network says to which side to turn at full rate, or to rest, see `agents.training.sb3.switches`; for
+    PPO and control rate."""
+    repeat: int = 1
+    """Decisions for which a command is repeated; more than one goes with switches."""
     include_covariance: bool = True
     """Whether the network sees the filter's whole covariance."""
     include_walk: bool = False
@@ -189,7 +197,11 @@ class RLSettings(Task):
             raise ValueError("tracked is of rates: a network that commands torque needs --control rate for it")
         if self.observation == "body" and self.control == "rate" and not self.tracked:
             raise ValueError("the policy's own rate loop needs the speed of each wheel: add --tracked for body")
-        for name in ("steps", "num_envs", "batch_size", "evaluate_every"):
+        if self.switches and (self.control != "rate" or self.algorithm != "ppo"):
+            raise ValueError("switches are of rates that PPO commands: train with --control rate and PPO")
+        if self.repeat > 1 and not self.switches:
+            raise ValueError("commands are repeated where they are switches: add --switches, or leave repeat at 1")
+        for name in ("repeat", "steps", "num_envs", "batch_size", "evaluate_every"):
             check_integer(name, getattr(self, name))
 
     @property

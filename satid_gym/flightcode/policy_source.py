@@ -122,6 +122,11 @@ def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySour
 
 
 def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
+    if policy.repeat > 1:
+        raise ValueError(
+            f"policy {policy.name} repeats each command for {policy.repeat} decisions, and has no C: give a learned "
+            "policy that decides each time"
+        )
     network = fitted(policy.network, pilot.mission.layout)
     sizes = [network.weights[0].shape[1], *(weight.shape[0] for weight in network.weights)]
     text = "\n".join(

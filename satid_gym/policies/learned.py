@@ -17,7 +17,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from satid_gym.config import check_flag, check_number, unknown_name
+from satid_gym.config import check_flag, check_integer, check_number, unknown_name
 from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
@@ -29,7 +29,7 @@ from satid_gym.problem import CONTROLS
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_OWN = ("name", "control", "margin", "include_covariance", "observation", "include_walk")
+_OWN = ("name", "control", "margin", "include_covariance", "observation", "include_walk", "repeat")
 _HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
@@ -110,11 +110,12 @@ class LearnedPolicy:
         details: its training and scores; kept in the JSON file.
         observation: form of the network's observations, "wheels" or "body".
         include_walk: whether they include the random walk of the inertia that the filter uses.
+        repeat: decisions for which each command of the network is repeated.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, the margin is not a finite
-            number of at least 0, include_covariance or include_walk is not a bool, or a network that commands rates
-            has other than 3 outputs.
+            number of at least 0, include_covariance or include_walk is not a bool, repeat is not an integer of at
+            least 1, or a network that commands rates has other than 3 outputs.
     """
 
     kind: Kind = "learned"
@@ -129,6 +130,7 @@ class LearnedPolicy:
         details: Mapping[str, Any] | None = None,
         observation: Form = "wheels",
         include_walk: bool = False,
+        repeat: int = 1,
     ) -> None:
         if control not in CONTROLS:
             raise unknown_name("control of a learned policy", control, CONTROLS)
@@ -142,7 +144,7 @@ class LearnedPolicy:
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
         self.include_walk = check_flag("include_walk of a learned policy", include_walk)
         self.name, self.network, self.control, self.margin = name, network, control, margin
-        self.details = dict(details or {})
+        self.repeat, self.details = check_integer("repeat of a learned policy", repeat), dict(details or {})
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare for the satellite.
@@ -173,6 +175,7 @@ class LearnedPolicy:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
         self._loop = rate_loop([mission], self.margin) if self.control == "rate" else None
         self._layout = mission.layout
+        self._decisions = 0
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n).
@@ -181,16 +184,15 @@ class LearnedPolicy:
             ValueError: the observation is not finite, or its shape is wrong.
         """
         check_observation(observation, self._layout)
-        command = self._network(observation)
-        if self._loop is None:
-            return np.clip(command, -1.0, 1.0)
-        return self._loop(observation, command)
+        if self._decisions % self.repeat == 0:
+            self._command = self._network(observation)
+        self._decisions += 1
+        return np.clip(self._command, -1.0, 1.0) if self._loop is None else self._loop(observation, self._command)
 
     def save(self, path: Path) -> None:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
-        digest = hashlib.sha256(tensors).hexdigest()
-        own = [getattr(self, name) for name in _OWN]
+        own, digest = [getattr(self, name) for name in _OWN], hashlib.sha256(tensors).hexdigest()
         values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
         head = dict(zip(_HEAD, values, strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
@@ -219,14 +221,14 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} is damaged or not of {text.name}: its checksum differs; copy both again")
         details = {name: value for name, value in head.items() if name not in _HEAD}
         try:
-            # files from before there was a choice say nothing of the two
-            choices = head.get("activation", "tanh"), head.get("squashed", False)
+            choices = head.get("activation", "tanh"), head.get("squashed", False)  # older files lack them
             network = Network.from_tensors(load(content), *choices)
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            return cls(*own, details, head.get("observation", "wheels"), head.get("include_walk", False))
+            later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
+            return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
 

@@ -41,7 +41,16 @@ _OPERATORS = {"tanh": "Tanh", "relu": "Relu"}
 
 
 def graph(policy: LearnedPolicy, mission: Mission) -> onnx.ModelProto:
-    """The policy with its rate loop for one satellite as an ONNX model."""
+    """The policy with its rate loop for one satellite as an ONNX model.
+
+    Raises:
+        ValueError: it repeats its commands; a graph keeps no count of decisions.
+    """
+    if policy.repeat > 1:
+        raise ValueError(
+            f"policy {policy.name} repeats each command for {policy.repeat} decisions, which a graph without memory "
+            "cannot: export a policy that decides each time"
+        )
     network = fitted(policy.network, mission.layout)
     builder, size = Builder(), network.weights[0].shape[1]
     infinite, nan = builder.add("IsInf", "observation"), builder.add("IsNaN", "observation")

@@ -11,6 +11,7 @@ from stable_baselines3.common.logger import configure
 from tqdm import tqdm
 
 from agents.training.run import Run
+from agents.training.sb3.switches import SwitchedVecEnv
 from agents.training.settings import RLSettings
 from satid_gym.evaluation import seeds
 from satid_gym.files import write_json
@@ -37,19 +38,21 @@ class AfterUpdate:
 def environment(settings: RLSettings) -> RateCommandVecEnv:
     """Environments to train in, side by side."""
     s = settings
-    return RateCommandVecEnv(
-        s.num_envs,
-        margin=s.margin if s.control == "rate" else None,
-        stagger=True,
-        satellite=s.pool(),
-        inertia=s.inertia,
-        scenario=s.scenario,
-        reward=s.reward,
-        include_covariance=s.include_covariance,
-        control=s.actions,
-        observation=s.observation,
-        include_walk=s.include_walk,
-    )
+    given = {
+        "margin": s.margin if s.control == "rate" else None,
+        "stagger": True,
+        "satellite": s.pool(),
+        "inertia": s.inertia,
+        "scenario": s.scenario,
+        "reward": s.reward,
+        "include_covariance": s.include_covariance,
+        "control": s.actions,
+        "observation": s.observation,
+        "include_walk": s.include_walk,
+    }
+    if s.switches:
+        return SwitchedVecEnv(s.num_envs, repeat=s.repeat, **given)
+    return RateCommandVecEnv(s.num_envs, **given)
 
 
 class Training:
