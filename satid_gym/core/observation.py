@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from satid_gym.core.algebra import add, cross, inverse, load, multiply
+from satid_gym.core.algebra import add, cross, dot, inverse, load, multiply, norm
 from satid_gym.core.belief import attitude, filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
@@ -46,13 +46,15 @@ def layout(
     tells_attitude: bool = False,
     tells_walk: bool = False,
     tells_sky: tuple[bool, bool] = (False, False),
+    tells_window: bool = False,
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
     numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
-    walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are.
+    walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are,
+    `tells_window` whether imaging windows and their targets are.
     """
     body = form == "body"
     sizes = {
@@ -75,6 +77,8 @@ def layout(
     for name, tells in zip(("sun", "earth"), tells_sky, strict=True):
         if tells:
             sizes[name] = 3
+    if tells_window:
+        sizes["window"], sizes["target"] = 2, 3
     if tells_walk:
         sizes["inertia_walk"] = 1
     if others > 0:
@@ -85,6 +89,7 @@ def layout(
     return {name: slice(edges[i], edges[i + 1]) for i, name in enumerate(sizes)}
 
 
+_WINDOW_UNIT = 60.0  # s, that an observed time to an opening or a closing is counted in
 _LOG_OFFSET = 2.0  # a standard deviation of 1 % of its scale is observed as 0
 
 
@@ -151,6 +156,8 @@ def observe(belief, task, gyro, tachometer, out):
         i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 0.0, 1.0)))
         i = _write(out, i, belief.attitude.age / decision_period)
         i = _observe_sky(belief, task, out, i)
+        if task.tells_window != 0:
+            i = _observe_window(belief, task, out, i)
     if task.tells_walk != 0:
         i = _write(out, i, _log_share(whiteness.inertia_walk(belief)))
     if i < out.shape[0]:
@@ -228,6 +235,25 @@ def _observe_sky(belief, task, out, i):
         earth = to_body(q, (np.cos(angle), np.sin(angle), 0.0))
         for k in range(3):
             i = _write(out, i, known * earth[k])
+    return i
+
+
+@outline
+def _observe_window(belief, task, out, i):
+    """Write how far off opening and closing are, and the turn that brings the payload's boresight to the target.
+
+    The turn is a rotation vector in the body frame, the least there is, by the estimated attitude; 0 where that is not
+    known.
+    """
+    time = task.decision * task.samples * task.sample_period
+    i = _write(out, i, (task.opens - time) / _WINDOW_UNIT)
+    i = _write(out, i, (task.closes - time) / _WINDOW_UNIT)
+    here, target = load(task.payload), to_body(belief.attitude.quaternion, load(task.target))
+    axis = cross(here, target)
+    sine = norm(axis)
+    turn = np.arctan2(sine, dot(here, target)) / sine if sine > 0.0 and attitude.is_known(belief) else 0.0
+    for k in range(3):
+        i = _write(out, i, turn * axis[k])
     return i
 
 

@@ -58,8 +58,13 @@ def begin_tracker(plant):
         return
     x, y, z = normal(plant.stream), normal(plant.stream), normal(plant.stream)
     k = 1.0 / norm((x, y, z))
-    sun = (k * x, k * y, k * z)
-    store(tracker.sun, sun)
+    place_sun(plant, (k * x, k * y, k * z))
+
+
+@inline
+def place_sun(plant, sun):
+    """Write the direction of the Sun, inertial frame, and the force of its light."""
+    store(plant.tracker.sun, sun)
     store(plant.solar_force, axpy(-norm(load(plant.solar_force)), sun, (0.0, 0.0, 0.0)))
 
 
