@@ -50,5 +50,9 @@ class OperatorPolicy:
     def _flown(self, observation: np.ndarray, view: View) -> np.ndarray:
         """Action (N, 3), but for the Sun."""
         guide, fastest = self._pointing, self._pointing.fastest(view)
-        spare = fastest / np.maximum(view.opens - self.settle, np.finfo(float).tiny) * guide.duration(view)
-        return guide.slew(view, np.where(view.opens > self.settle, np.minimum(spare, fastest), fastest))
+        in_time = fastest / np.maximum(view.opens - self.settle, np.finfo(float).tiny) * guide.duration(view)
+        return guide.slew(view, np.where(view.opens > self.settle, np.minimum(in_time, fastest), fastest))
+
+    def _spare(self, view: View) -> np.ndarray:
+        """s (N,) that are left of the gap at the next decision but for the way to the target."""
+        return view.opens - self._pointing.period - self.settle - self._pointing.duration(view)

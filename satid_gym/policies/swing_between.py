@@ -68,8 +68,7 @@ class SwingBetweenPolicy(OperatorPolicy):
         guide, is_open = self._pointing, view.opens <= 0.0
         self._gap += self._was_open & ~is_open
         self._was_open = is_open
-        spare = view.opens - guide.period - self.settle - guide.duration(view)
-        swings = spare > 0.0
+        swings = self._spare(view) > 0.0
         for i in np.flatnonzero(swings & (self._left <= 0.0)):
             self._begin(i, view)
         self._left = np.where(swings, self._left - 1.0, 0.0)
