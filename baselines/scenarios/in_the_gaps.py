@@ -19,7 +19,7 @@ class InTheGaps(OperatorPolicy):
         settle: s before the opening at which the boresight is to be on the target.
     """
 
-    def __init__(self, policy: Policy, settle: float = 14.0) -> None:
+    def __init__(self, policy: Policy, settle: float = 10.0) -> None:
         super().__init__(settle)
         self.name, self.kind = policy.name, policy.kind
         vars(self).update(observation_settings(policy))

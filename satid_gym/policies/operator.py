@@ -29,7 +29,7 @@ class OperatorPolicy:
     kind: Kind = "closed_loop"
     observation = "body"
 
-    def __init__(self, settle: float = 12.0, margin: float = 3.5) -> None:
+    def __init__(self, settle: float = 10.0, margin: float = 3.5) -> None:
         self.settle = check_number("settle", settle)
         self.margin = check_number("margin", margin)
 

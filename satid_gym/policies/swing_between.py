@@ -38,10 +38,10 @@ class SwingBetweenPolicy(OperatorPolicy):
 
     def __init__(
         self,
-        swing: float = 12.0,
+        swing: float = 4.0,
         roll: float = 1.0,
         amplitude: float = 1.0,
-        settle: float = 12.0,
+        settle: float = 10.0,
         margin: float = 3.5,
     ) -> None:
         super().__init__(settle, margin)
