@@ -87,9 +87,9 @@ SCENARIOS: dict[str, Scenario] = {
         Scenario(
             name="operations",
             horizon=600.0,
-            torque_noise=0.02,
-            tachometer_noise_std=0.02,
-            wheel_speed_range=0.7,
+            torque_noise=0.01,
+            tachometer_noise_std=0.01,
+            wheel_speed_range=0.4,
             tolerances=Tolerances(
                 gyro_bias=1e-4, gyro_scale=3e-3, gyro_alignment=1e-3, wheel_inertia=2e-3, wheel_alignment=1e-3
             ),

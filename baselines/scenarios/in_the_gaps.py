@@ -16,10 +16,10 @@ class InTheGaps(OperatorPolicy):
 
     Args:
         policy: what flies in the gaps; it observes what it would alone.
-        settle: s before the opening at which the boresight is to be on the target.
+        settle: s before the opening at which the target is to be held.
     """
 
-    def __init__(self, policy: Policy, settle: float = 10.0) -> None:
+    def __init__(self, policy: Policy, settle: float = 3.0) -> None:
         super().__init__(settle)
         self.name, self.kind = policy.name, policy.kind
         vars(self).update(observation_settings(policy))

@@ -34,7 +34,7 @@ SHAPES = [
     for dwell in (0.0, 0.5, 1.0)
     for amplitude in (0.7, 1.0)
 ]
-SETTLES = (8.0, 10.0, 12.0)  # s
+SETTLES = (1.0, 3.0, 5.0)  # s
 BETWEEN = [
     {"swing": swing, "roll": roll, "settle": settle}
     for swing in (3.0, 4.0, 6.0, 9.0)

@@ -11,8 +11,8 @@ from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import Mission
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-_TYPICAL = {"swing": 4.0, "settle": 10.0}
-_SCALES = {"swing": 1.0, "settle": 0.2}  # of the logarithm of a setting
+_TYPICAL = {"swing": 4.0, "settle": 3.0}
+_SCALES = {"swing": 1.0, "settle": 0.4}  # of the logarithm of a setting
 _GAPS = 9  # with sides of their own, of an episode's
 
 

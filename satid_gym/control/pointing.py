@@ -16,7 +16,8 @@ from satid_gym.core.observed_sky import WINDOW_UNIT
 from satid_gym.policy import Mission
 
 _BRAKING = 0.25  # of the acceleration that full torque gives by prior inertia
-_GAIN = 0.35  # 1/s, of the rate at the end of a slew over what is left
+_GAIN = 0.45  # 1/s, of the rate at the end of a slew over what is left
+_CLOSE = 0.7  # of what a window allows, at which a slew is over
 _EDGE_GAIN = 0.25  # 1/s, of the fastest approach to the keep-out over the distance
 _EDGE = np.radians(1.5)  # distance from the keep-out that is kept
 
@@ -67,6 +68,7 @@ class Pointing:
         self._layout, self._allowed = mission.layout, RateMargin([mission], margin)
         torque = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
         self._brake = _BRAKING * float((torque / np.diag(mission.prior.inertia)).min())  # rad/s^2
+        self._close = _CLOSE * min(operations.pointing, operations.steadiness / _GAIN)  # rad
         self._keep = operations.keep_out + _EDGE if operations.keep_out > 0.0 else 0.0
 
     def view(self, observation: np.ndarray) -> View:
@@ -88,9 +90,14 @@ class Pointing:
         return (np.minimum(rate, fastest) / self.limit)[:, None] * view.axis
 
     def duration(self, view: View) -> np.ndarray:
-        """s (N,) that the way to the target takes at the fastest, round the Sun where it is in the way."""
-        fastest = self.fastest(view)
-        return (view.angle + self._detour(view)) / fastest + fastest / (2.0 * self._brake)
+        """s (N,) until the target is held, at the fastest, round the Sun where it is in the way."""
+        fastest, brake = self.fastest(view), self._brake
+        linear = np.minimum(np.minimum(view.angle, fastest / _GAIN), 2.0 * brake / _GAIN**2)  # rad, at the end
+        slowed = np.maximum(fastest - _GAIN * linear, 0.0)
+        coasted = view.angle + self._detour(view) - linear - slowed * (fastest + _GAIN * linear) / (2.0 * brake)
+        begins = _BRAKING * fastest / (2.0 * brake)  # s, that gaining the rate costs
+        ends = np.log(np.maximum(linear / self._close, 1.0)) / _GAIN
+        return begins + np.maximum(coasted, 0.0) / fastest + slowed / brake + ends
 
     def with_roll(self, view: View, action: np.ndarray, side: np.ndarray | float) -> np.ndarray:
         """Actions with as much rate about the boresight as the envelope leaves, times side (N,), within [-1, 1]."""

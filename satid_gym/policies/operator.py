@@ -18,7 +18,7 @@ class OperatorPolicy:
     """Slews to targets; for control "rate" and scenarios with operations.
 
     Args:
-        settle: s before the opening at which the boresight is to be on the target.
+        settle: s before the opening at which the target is to be held.
         margin: see `RateMargin`.
 
     Raises:
@@ -29,7 +29,7 @@ class OperatorPolicy:
     kind: Kind = "closed_loop"
     observation = "body"
 
-    def __init__(self, settle: float = 10.0, margin: float = 3.5) -> None:
+    def __init__(self, settle: float = 3.0, margin: float = 3.5) -> None:
         self.settle = check_number("settle", settle)
         self.margin = check_number("margin", margin)
 
@@ -50,8 +50,8 @@ class OperatorPolicy:
     def _flown(self, observation: np.ndarray, view: View) -> np.ndarray:
         """Action (N, 3), but for the Sun."""
         guide, fastest = self._pointing, self._pointing.fastest(view)
-        in_time = fastest / np.maximum(view.opens - self.settle, np.finfo(float).tiny) * guide.duration(view)
-        return guide.slew(view, np.where(view.opens > self.settle, np.minimum(in_time, fastest), fastest))
+        share = guide.duration(view) / np.maximum(view.opens - self.settle, 1e-9)
+        return guide.slew(view, np.where(view.opens > self.settle, np.minimum(share, 1.0), 1.0) * fastest)
 
     def _spare(self, view: View) -> np.ndarray:
         """s (N,) that are left of the gap at the next decision but for the way to the target."""

@@ -17,6 +17,7 @@ from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.swing_and_stop import SIDES
 from satid_gym.policy import Mission
 
+_UNROLL = 8.0  # s before that at which the turn about the boresight ends
 _NONE_YET = 1e-3  # rad^2, in which directions count as turned before any turn
 
 
@@ -27,7 +28,7 @@ class SwingBetweenPolicy(OperatorPolicy):
         swing: s that a swing lasts.
         roll: rate about the boresight during slews, over what the envelope leaves.
         amplitude: of the swings, over what the envelope allows.
-        settle: s before the opening at which the boresight is to be on the target.
+        settle: s before the opening at which the target is to be held.
         margin: see `RateMargin`.
 
     Raises:
@@ -41,7 +42,7 @@ class SwingBetweenPolicy(OperatorPolicy):
         swing: float = 4.0,
         roll: float = 1.0,
         amplitude: float = 1.0,
-        settle: float = 10.0,
+        settle: float = 3.0,
         margin: float = 3.5,
     ) -> None:
         super().__init__(settle, margin)
@@ -73,7 +74,7 @@ class SwingBetweenPolicy(OperatorPolicy):
             self._begin(i, view)
         self._left = np.where(swings, self._left - 1.0, 0.0)
         slew = guide.slew(view, guide.fastest(view))
-        rolls = (view.opens > self.settle) & ~swings
+        rolls = (view.opens > self.settle + _UNROLL) & ~swings
         slew = np.where(rolls[:, None], guide.with_roll(view, slew, self.roll * self._rolls), slew)
         return np.where(swings[:, None], self.amplitude * self._side * view.most, slew)
 
