@@ -374,6 +374,11 @@ simulator does, or its module:name |
         scenario, rows = self.problem.scenario, self.fleet.rows
         law = int(rows.plants["law"][0])
         self._history = History(
-            scenario.operate(satellite), scenario.decisions, scenario.decision_period, law, scenario.orbit_rate
+            scenario.operate(satellite),
+            scenario.decisions,
+            scenario.decision_period,
+            law,
+            scenario.orbit_rate,
+            scenario.operations,
         )
         self._history.note(rows.plants[0], rows.beliefs[0], rows.reports[0])

@@ -72,9 +72,9 @@ CASES: dict[str, dict[str, Any]] = {
     "rates, flex, body": {"scenario": "flex", "control": "rate", "observation": "body", "inertia": "static"},
     "slosh, smallsat": {"satellite": "smallsat", "scenario": "slosh", "inertia": "step"},
     "rates, calibration, body": {"scenario": "calibration", "control": "rate", "observation": "body"},
+    "calibration, smallsat": {"satellite": "smallsat", "scenario": "calibration", "inertia": "static"},
     "rates, operations, body": {"scenario": "operations", "control": "rate", "observation": "body"},
     "operations, cubesat": {"satellite": "cubesat", "scenario": "operations", "inertia": "step"},
-    "calibration, smallsat": {"satellite": "smallsat", "scenario": "calibration", "inertia": "static"},
 }
 
 
