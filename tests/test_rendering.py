@@ -443,14 +443,14 @@ def test_the_frame_says_what_the_payload_does():
     axis, away = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
     history._series["windows"][0] = 10.0, 30.0
     near = Rotation.from_rotvec([0.5 * operations.pointing, 0.0, 0.0]).apply(axis)
-    for words, time, sun, target, rate in [
+    for words, at, sun, target, rate in [
         ("window in 10 s", 0.0, away, away, 0.0),
         ("too near the Sun", 0.0, axis, away, 0.0),
         ("images, 18 s left", 12.0, away, near, 0.0),
         ("off its target", 12.0, away, away, 0.0),
         ("not steady", 12.0, away, near, 2.0 * operations.steadiness),
     ]:
-        history._series["time"][0], history._series["rate"][0] = time, [rate, 0.0, 0.0]
+        history._series["time"][0], history._series["rate"][0] = at, [rate, 0.0, 0.0]
         payload = Payload(history, operations)
         payload.sun, payload.target = sun, target
         assert payload.state()[0] == words
@@ -467,8 +467,7 @@ def test_windows_are_bands_and_missed_ones_are_red():
         env._history._series["missed"][:] = share * (env._history._series["missed"] > 0.0)
         pictures.append(env.render().astype(int))
     changed = np.argwhere((pictures[0] != pictures[1]).any(axis=2))
-    time = np.array([env._history.windows[0]]) / env._history.horizon
-    at = 294.0 + 176.0 * time.ravel()
+    at = 294.0 + 176.0 * env._history.windows[0] / env._history.horizon
     assert len(changed) > 100
     assert changed[:, 1].min() > at[0] - 3.0
     assert changed[:, 1].max() < at[1] + 3.0
