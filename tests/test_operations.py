@@ -336,3 +336,15 @@ def test_a_policy_in_the_gaps_flies_as_it_would_alone():
 def test_operations_are_equal_by_value():
     assert Operations() == OWN
     assert Operations(gap=(30.0, 50.0)) != OWN
+
+
+@pytest.mark.compiled
+def test_noise_of_the_tachometers_passes_for_excitation_where_the_body_is_at_rest():
+    """Why the scenario reads the wheels finer than the data sheet does: the filter is overconfident otherwise."""
+    coarse = SCENARIOS["operations"].replace(tachometer_noise_std=None)
+    found = {}
+    for name, scenario in (("fine", "operations"), ("coarse", coarse)):
+        cell = Cell(scenario=scenario, satellite="microsat", inertia="static")
+        found[name] = flown(cell, OperatorPolicy(), seeds("validation", 12)).nees.mean()
+    assert found["fine"] < 1.5
+    assert found["coarse"] > 2.0
