@@ -71,7 +71,7 @@ class SwingBetweenPolicy(OperatorPolicy):
         self._was_open = is_open
         swings = self._spare(view) > 0.0
         for i in np.flatnonzero(swings & (self._left <= 0.0)):
-            self._begin(i, view)
+            self._begin(int(i), view)
         self._left = np.where(swings, self._left - 1.0, 0.0)
         slew = guide.slew(view, guide.fastest(view))
         rolls = (view.opens > self.settle + _UNROLL) & ~swings
