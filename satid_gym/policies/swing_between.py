@@ -24,6 +24,8 @@ _NONE_YET = 1e-3  # rad^2, in which directions count as turned before any turn
 class SwingBetweenPolicy(OperatorPolicy):
     """Excites in the gaps and is on the target when the window opens; for control "rate".
 
+    Defaults are those that the gate of scenario "operations" chose for microsat on tuning seeds.
+
     Args:
         swing: s that a swing lasts.
         roll: rate about the boresight during slews, over what the envelope leaves.
