@@ -9,8 +9,8 @@ Flies, by body rates, from nothing to an oracle:
 - learned policies that are named, as they are;
 - an oracle that is told the true modes, or the sky, and searches the plan of each episode by the cross-entropy method.
 
-Where there are imaging windows an operator flies too, who turns to the targets and does no more, and all others but zero
-and random excite in the gaps between windows alone.
+Where there are imaging windows an operator flies too, who turns to the targets and does no more, and all others but
+zero and random excite in the gaps between windows alone.
 
 The oracle searches settings of that closed loop alone: what it finds bounds that family of excitations, not all.
 
