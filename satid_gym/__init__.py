@@ -12,6 +12,7 @@ from satid_gym.law_ranges import LawRanges
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, InertiaLaw, paper_law
 from satid_gym.manoeuvres import Design, KeepOut, design
 from satid_gym.onboard import Pilot
+from satid_gym.operations import Operations
 from satid_gym.oscillators import Panel, SloshMass
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import SATELLITES, ReactionWheels, Satellite
@@ -36,6 +37,7 @@ __all__ = [
     "InertiaLaw",
     "KeepOut",
     "LawRanges",
+    "Operations",
     "Panel",
     "Panels",
     "Pilot",

@@ -123,8 +123,12 @@ the attitude is not known |
     | attitude_age | 1 | time since the tracker's last reading / decision period, or since the start before the first; \
 at most 10 |
     | sun | 3 | direction of the Sun in the body frame, by the ephemeris and the estimated attitude; 0 where the \
-attitude is not known. Only where the Sun blinds the tracker |
-    | earth | 3 | likewise of the Earth's centre, where the Earth blinds it |
+attitude is not known. Only where the Sun blinds the tracker, or the scenario has operations |
+    | earth | 3 | likewise of the Earth's centre, where the Earth blinds the tracker |
+    | window | 2 | time to the opening and to the closing of the imaging window that is open or comes next / 60 s; the \
+first is negative while it is open. This and the next where the scenario has operations |
+    | target | 3 | rotation vector that brings the payload's boresight to that window's target, body frame, rad: the \
+least turn there is, by the estimated attitude; 0 where that is not known |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
@@ -171,7 +175,8 @@ over the rate limit, less 1, where positive |
     | outside | share of the decision's samples with a true rate outside the limit |
     | costs | each from 0 to 1, by name: "rate": `outside`; "saturation": share of the wheels that were at their speed \
 limit; "deflection": share of the samples with a panel or a slosh mass beyond its limit; "avoided_band": \
-`in_avoided_band` |
+`in_avoided_band`; "window": share of the samples in an open imaging window with the payload off its target or not \
+steady; "keep_out": share of the samples with the payload looking too near the Sun |
     | cost | the largest of them (as in Safety-Gymnasium) |
     | effort | mean square of the torque over its limit |
     | in_avoided_band | share of the decision's samples with a wheel's speed in the band that operators avoid |
@@ -202,7 +207,7 @@ periodic inertia can do it too |
 draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
-(a tank), "calibration" (a star tracker), "paper", or a `Scenario` |
+(a tank), "calibration" (a star tracker), "operations" (imaging windows), "paper", or a `Scenario` |
     | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
@@ -374,6 +379,11 @@ simulator does, or its module:name |
         scenario, rows = self.problem.scenario, self.fleet.rows
         law = int(rows.plants["law"][0])
         self._history = History(
-            scenario.operate(satellite), scenario.decisions, scenario.decision_period, law, scenario.orbit_rate
+            scenario.operate(satellite),
+            scenario.decisions,
+            scenario.decision_period,
+            law,
+            scenario.orbit_rate,
+            scenario.operations,
         )
         self._history.note(rows.plants[0], rows.beliefs[0], rows.reports[0])

@@ -107,6 +107,12 @@ class Problem(Config):
         for tracker in (s.sensors.star_tracker for s in sheets if s.sensors.star_tracker is not None):
             tracker.samples(self.scenario.sample_period)
             tracker.check_sky(self.scenario.orbit_rate)
+        if self.scenario.operations is not None and not all(map(self.estimator.tells_attitude, sheets)):
+            raise ValueError(
+                f"scenario {self.scenario.name!r} has imaging windows, and a payload is pointed by the estimated "
+                "attitude: give scenario sensors with a star_tracker, and a filter that takes its readings, such as "
+                '"adaptive" or "momentum"'
+            )
         for satellite in self.satellites:
             check_sampling(satellite.name, satellite.modes, satellite.inertia, self.scenario.sample_period)
         missed = self._products()
@@ -166,6 +172,12 @@ class Problem(Config):
         return self.wheels if self.control == "torque" else 3
 
     @property
+    def tells_sky(self) -> tuple[bool, bool]:
+        """Whether it is observed where Sun and Earth are: where they blind a star tracker, or a payload."""
+        sun, earth = self.estimator.tells_sky(self.scenario.operate(self.satellites[0]))
+        return sun or self.scenario.operations is not None, earth
+
+    @property
     def layout(self) -> dict[str, slice]:
         """Places of the observation's parts by name, in order."""
         sheet, p = self.scenario.operate(self.satellites[0]), PARAMETER_COUNT[self.parameters]
@@ -179,7 +191,8 @@ class Problem(Config):
             self.actions,
             self.estimator.tells_attitude(sheet),
             self.include_walk,
-            self.estimator.tells_sky(sheet),
+            self.tells_sky,
+            self.scenario.operations is not None,
         )
 
 

@@ -16,6 +16,7 @@ from satid_gym.expectation import agitation, disturbance_walk, nutation
 from satid_gym.faults import Faults
 from satid_gym.friction import WheelFriction, friction_of
 from satid_gym.law_ranges import LawRanges
+from satid_gym.operations import Operations, operations_of
 from satid_gym.satellite import Satellite
 from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
@@ -65,6 +66,7 @@ class Scenario(Config):
         faults: what can go wrong with sensors and wheels.
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
         sensors: what readings stand for and how late they are, or a mapping with their settings.
+        operations: imaging windows and a keep-out of a payload, or a mapping with their settings.
 
     Raises:
         ValueError: a value is out of range, or the periods do not divide.
@@ -103,6 +105,7 @@ class Scenario(Config):
     faults: Faults = field(default_factory=Faults)
     tolerances: Tolerances | None = None
     sensors: Sensors | None = None
+    operations: Operations | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -131,6 +134,8 @@ class Scenario(Config):
             object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
         if self.sensors is not None:
             object.__setattr__(self, "sensors", sensors_of(self.sensors))
+        if self.operations is not None:
+            object.__setattr__(self, "operations", operations_of(self.operations))
         if isinstance(self.laws, Mapping):
             object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
         if isinstance(self.faults, Mapping):

@@ -9,6 +9,7 @@ from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.rate import RateEKFSettings
 from satid_gym.faults import Faults
 from satid_gym.law_ranges import PAPER_LAWS
+from satid_gym.operations import Operations
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker
@@ -82,6 +83,25 @@ SCENARIOS: dict[str, Scenario] = {
                     earth_exclusion=10.0 * _DEGREE,
                 )
             ),
+        ),
+        Scenario(
+            name="operations",
+            horizon=600.0,
+            torque_noise=0.01,
+            tachometer_noise_std=0.01,
+            wheel_speed_range=0.4,
+            tolerances=Tolerances(
+                gyro_bias=1e-4, gyro_scale=3e-3, gyro_alignment=1e-3, wheel_inertia=2e-3, wheel_alignment=1e-3
+            ),
+            sensors=Sensors(
+                star_tracker=StarTracker(
+                    boresight=np.array([1.0, 0.0, 0.0]),
+                    across_std=2.0 * _ARCSEC,
+                    round_std=20.0 * _ARCSEC,
+                    rate_limit=0.5 * _DEGREE,
+                )
+            ),
+            operations=Operations(),
         ),
     )
 }

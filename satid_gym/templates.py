@@ -18,6 +18,7 @@ from satid_gym.estimators.records import new_belief
 from satid_gym.faults import Faults
 from satid_gym.law_ranges import LawRanges
 from satid_gym.laws import INERTIA_MODES, MASS_MODES, TABLE, InertiaLaw
+from satid_gym.operations import SLEW_MAX, Operations
 from satid_gym.oscillators import Oscillator, oscillator_count, oscillator_counts
 from satid_gym.plants import new_plant
 from satid_gym.policy import Mission, missions
@@ -76,6 +77,8 @@ def _template(p: Problem, mission: Mission, inertia: np.ndarray | None, room: in
     _write_sampling(plant["sampling"], operating.sensors, scenario.sample_period)
     if operating.sensors.star_tracker is not None:
         write_tracker(plant["tracker"], operating.sensors.star_tracker, scenario)
+    if scenario.operations is not None:
+        _write_operations(plant["operations"], scenario.operations, operating.rate_limit)
     plant["gyro_outlier"] = scenario.faults.gyro_outlier
     plant["gyro_outlier_size"] = np.multiply(operating.gyro_noise_std, scenario.faults.gyro_outlier_size)
     beliefs = new_belief(mission.prior, mission.estimator)
@@ -105,6 +108,15 @@ def write_tracker(row: np.void, tracker: StarTracker, scenario: Scenario) -> Non
     row["earth_cosine"] = SEES_ALL if blinded is None else np.cos(earth_angle(scenario.orbit_rate) + blinded)
 
 
+def _write_operations(row: np.void, operations: Operations, rate_limit: float) -> None:
+    row["on"], row["boresight"] = 1, operations.boresight
+    row["gap"], row["window"] = operations.gap, operations.window
+    row["slew"], row["slew_max"] = rate_limit * np.array(operations.slew), SLEW_MAX
+    row["pointing_cosine"], row["steadiness"] = np.cos(operations.pointing), operations.steadiness
+    row["keep_out_cosine"] = np.cos(operations.keep_out) if operations.keep_out > 0.0 else SEES_ALL
+    row["clear_cosine"] = np.cos(operations.keep_out + operations.clearance)
+
+
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     scenario, reward = p.scenario, p.reward
     rows = np.zeros(1, task_dtype(satellite.wheels.count, p.actions, oscillator_count(satellite.oscillators)))
@@ -112,7 +124,9 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
     task["decisions"], task["observation"] = scenario.decisions, ObservationForm[p.observation.upper()]
     task["tells_walk"] = p.include_walk
-    task["tells_sun"], task["tells_earth"] = p.estimator.tells_sky(satellite)
+    task["tells_sun"], task["tells_earth"] = p.tells_sky
+    if scenario.operations is not None:
+        task["tells_window"], task["payload"] = 1, scenario.operations.boresight
     task["orbit_rate"] = scenario.orbit_rate
     task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
     task["rate_limit"] = satellite.rate_limit

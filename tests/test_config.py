@@ -232,7 +232,7 @@ def test_innocube_has_what_its_telemetry_gave():
 
 
 def test_scenarios():
-    assert sorted(SCENARIOS) == ["calibration", "default", "faults", "flex", "paper", "slosh", "tight"]
+    assert sorted(SCENARIOS) == ["calibration", "default", "faults", "flex", "operations", "paper", "slosh", "tight"]
     default, tight, paper = SCENARIOS["default"], SCENARIOS["tight"], SCENARIOS["paper"]
     assert (default.decisions, default.samples, paper.samples) == (300, 10, 1)
     microsat = SATELLITES["microsat"]

@@ -80,6 +80,7 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
         {"scenario": "flex", "control": "rate", "observation": "body"},
         {"scenario": "slosh"},
         {"scenario": "calibration", "control": "rate", "observation": "body"},
+        {"scenario": "operations", "control": "rate", "observation": "body"},
     ],
     ids=str,
 )

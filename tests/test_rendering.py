@@ -27,6 +27,7 @@ from satid_gym.estimators import FilterpyMomentumEKF
 from satid_gym.rendering import History, draw
 from satid_gym.rendering.appendages import Appendages
 from satid_gym.rendering.canvas import ALARM, PANEL, SERIES, TEXT, Canvas, shade
+from satid_gym.rendering.payload import Payload
 from satid_gym.rendering.scene import MOMENTUM_COLOUR, RATE_COLOUR, Scene, box
 from satid_gym.rendering.sky import Sky
 from satid_gym.rendering.strip import Strip
@@ -430,3 +431,43 @@ def test_only_satellites_with_a_tracker_show_one(tracked):
     plain.reset(seed=3)
     corner = np.s_[60:140, 10:90]
     assert changed(plain.render(), tracked.render(), corner)
+
+
+# a payload
+
+
+def test_the_frame_says_what_the_payload_does():
+    env = SatInertiaIDEnv("microsat", "static", "operations", render_mode="rgb_array")
+    env.reset(seed=3)
+    history, operations = env._history, env.problem.scenario.operations
+    axis, away = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    history._series["windows"][0] = 10.0, 30.0
+    near = Rotation.from_rotvec([0.5 * operations.pointing, 0.0, 0.0]).apply(axis)
+    for words, at, sun, target, rate in [
+        ("window in 10 s", 0.0, away, away, 0.0),
+        ("too near the Sun", 0.0, axis, away, 0.0),
+        ("images, 18 s left", 12.0, away, near, 0.0),
+        ("off its target", 12.0, away, away, 0.0),
+        ("not steady", 12.0, away, near, 2.0 * operations.steadiness),
+    ]:
+        history._series["time"][0], history._series["rate"][0] = at, [rate, 0.0, 0.0]
+        payload = Payload(history, operations)
+        payload.sun, payload.target = sun, target
+        assert payload.state()[0] == words
+
+
+def test_windows_are_bands_and_missed_ones_are_red():
+    """A band from opening to closing over the rates; what was missed of it, and nothing else, in red."""
+    pictures = []
+    for share in (0.0, 1.0):
+        env = SatInertiaIDEnv("microsat", "static", "operations", render_mode="rgb_array")
+        env.reset(seed=3)
+        for _ in range(80):
+            env.step(np.zeros(3, np.float32))
+        env._history._series["missed"][:] = share * (env._history._series["missed"] > 0.0)
+        pictures.append(env.render().astype(int))
+    changed = np.argwhere((pictures[0] != pictures[1]).any(axis=2))
+    at = 294.0 + 176.0 * env._history.windows[0] / env._history.horizon
+    assert len(changed) > 100
+    assert changed[:, 1].min() > at[0] - 3.0
+    assert changed[:, 1].max() < at[1] + 3.0

@@ -37,6 +37,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.faults import Faults
 from satid_gym.files import read_json, write_text
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
+from satid_gym.operations import Operations
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import Scenario
@@ -81,7 +82,7 @@ def scenarios() -> str:
     said, default = meanings(Scenario), SCENARIOS["default"]
     rows = []
     for field in dataclasses.fields(Scenario):
-        if field.name in ("name", "laws", "faults", "appendages"):  # the last three have tables of their own
+        if field.name in ("name", "laws", "faults", "appendages", "operations"):  # these have tables of their own
             continue
         values = [getattr(s, field.name) for s in SCENARIOS.values()]
         cells = [
@@ -142,6 +143,13 @@ def calibration() -> str:
     )
 
 
+def operations() -> str:
+    """Operations, tolerances and star tracker of the scenario of that name."""
+    own = SCENARIOS["operations"]
+    assert own.sensors is not None
+    return "\n\n".join((settings(Operations, own.operations), settings(StarTracker, own.sensors.star_tracker)))
+
+
 def _default(value: Any) -> str:
     return "`None`" if value is None else shown(value)
 
@@ -179,6 +187,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "scenarios": scenarios,
         "appendages": appendages,
         "calibration": calibration,
+        "operations": operations,
         "gate": gates,
         "planners": planners,
         "laws": laws,

@@ -40,7 +40,7 @@ def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
     return "\n\n".join(
         gate_table(_committed(f"gate_{name}", f"gate --scenario {name}", "rows"))
-        for name in ("flex", "slosh", "calibration")
+        for name in ("flex", "slosh", "calibration", "operations")
     )
 
 

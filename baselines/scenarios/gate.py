@@ -4,9 +4,13 @@ Flies, by body rates, from nothing to an oracle:
 
 - zero and random;
 - the paper's eight profiles, and square waves of rate, each with its best settings inside all limits;
-- the closed loop made for the scenario, `shaped_square` or `swing_and_stop`, with its best settings inside all limits;
+- the closed loop made for the scenario, `shaped_square`, `swing_and_stop` or `swing_between`, with its best settings
+  inside all limits;
 - learned policies that are named, as they are;
 - an oracle that is told the true modes, or the sky, and searches the plan of each episode by the cross-entropy method.
+
+Where there are imaging windows an operator flies too, who turns to the targets and does no more, and all others but
+zero and random excite in the gaps between windows alone.
 
 The oracle searches settings of that closed loop alone: what it finds bounds that family of excitations, not all.
 

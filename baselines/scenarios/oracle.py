@@ -14,6 +14,7 @@ from baselines.command import cluster
 from baselines.scenarios.flights import Cell, Flown, flown
 from baselines.scenarios.shaped_plan import ShapedPlan
 from baselines.scenarios.swing_plan import SwingPlan
+from baselines.scenarios.window_plan import WindowPlan
 
 _POPULATION, _ROUNDS = 32, 6  # of the search, for each episode
 _ELITE = 0.25  # of the population
@@ -21,7 +22,12 @@ _SPREAD = 0.6  # std of the first population about the typical settings
 _STRAY = 100.0  # by which a cost beyond its limit counts in the search
 
 
-PLANS: dict[str, type[ShapedPlan | SwingPlan]] = {"flex": ShapedPlan, "slosh": ShapedPlan, "calibration": SwingPlan}
+PLANS: dict[str, type[ShapedPlan | SwingPlan | WindowPlan]] = {
+    "flex": ShapedPlan,
+    "slosh": ShapedPlan,
+    "calibration": SwingPlan,
+    "operations": WindowPlan,
+}
 """Plan that the oracle searches, by scenario: a policy of points (N, size), 0 the typical one."""
 
 

@@ -8,14 +8,17 @@ from typing import Any
 import numpy as np
 
 from baselines.scenarios.flights import Cell, flown
+from baselines.scenarios.in_the_gaps import InTheGaps
 from satid_gym.evaluation import seeds
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
+from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.registry import build
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policies.swing_and_stop import SwingAndStopPolicy
+from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import Policy, observation_settings
 from satid_gym.profiles import PROFILES
 from satid_gym.scenario_catalogue import SCENARIOS
@@ -31,6 +34,13 @@ SHAPES = [
     for share in (0.35, 0.5, 0.65, 0.8, 0.9, 1.0)
     for dwell in (0.0, 0.5, 1.0)
     for amplitude in (0.7, 1.0)
+]
+SETTLES = (1.0, 3.0, 5.0)  # s
+BETWEEN = [
+    {"swing": swing, "roll": roll, "settle": settle}
+    for swing in (3.0, 4.0, 6.0, 9.0)
+    for roll in (0.0, 1.0)
+    for settle in SETTLES
 ]
 SWINGS = [
     {"swing": swing, "look": look, "amplitude": amplitude}
@@ -56,6 +66,15 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
     rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
+    if SCENARIOS[scenario].operations is not None:
+        between: dict[str, list[Trial]] = {**loud, "rate_square": squares, **planned}
+        return {
+            "zero": [({}, ZeroPolicy())],
+            "random": [({}, RandomPolicy())],
+            "operator": [({"settle": settle}, OperatorPolicy(settle)) for settle in SETTLES],
+            **{name: [(own, InTheGaps(policy)) for own, policy in trials] for name, trials in between.items()},
+            "swing_between": [(own, SwingBetweenPolicy(**own)) for own in BETWEEN],
+        }
     return {
         "zero": [({}, ZeroPolicy())],
         "random": [({}, RandomPolicy())],

@@ -43,6 +43,7 @@ def command(plant, task, work, report, action):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
     report.outside = report.in_avoided_band = report.tracking = report.bent = report.peak_bend = 0.0
+    report.window_missed = report.in_keep_out = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):
@@ -83,6 +84,14 @@ def take_reading(plant, belief, work):
     return nis
 
 
+@inline
+def ask(plant, task):
+    """Tell the task of the imaging window that is open or comes next, as operators do."""
+    if task.tells_window != 0:
+        task.opens, task.closes = plant.operations.opens, plant.operations.closes
+        store(task.target, load(plant.operations.target))
+
+
 @outline
 def conclude(plant, belief, task, work, report, observation):
     """End a decision: reward, end of episode, assessment, observation."""
@@ -106,6 +115,7 @@ def conclude(plant, belief, task, work, report, observation):
     report.truncated = 1 if task.decision >= task.decisions and report.terminated == 0 else 0
     task.over = max(report.terminated, report.truncated)
     assess(plant, belief, work, report)
+    ask(plant, task)
     observe(belief, task, plant.gyro, plant.tachometer, observation)
 
 
@@ -181,6 +191,7 @@ def start(rows, i, work):
     if rows.logs.shape[1] > 0:
         log_sample(rows.logs[i, 0], plant, belief)
     assess(plant, belief, work, report)
+    ask(plant, task)
     observe(belief, task, plant.gyro, plant.tachometer, rows.observations[i])
 
 

@@ -11,16 +11,16 @@ from typing import Literal
 
 import numpy as np
 
-from satid_gym.core.algebra import add, cross, inverse, load, multiply
+from satid_gym.core.algebra import add, cross, inverse, multiply
 from satid_gym.core.belief import attitude, filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
+from satid_gym.core.observed_number import BOUND, LOG_OFFSET, log_share, write
+from satid_gym.core.observed_sky import observe_sky, observe_window
 from satid_gym.core.records import ObservationForm
-from satid_gym.core.rotation import to_body
 from satid_gym.core.wheels import reachable, speed_shares, sum_wheels, wheel_momentum
 
 Form = Literal["wheels", "body"]
-BOUND = 10.0
 MODE_PARTS = {
     "deflection": 1,
     "deflection_rate": 1,
@@ -46,13 +46,15 @@ def layout(
     tells_attitude: bool = False,
     tells_walk: bool = False,
     tells_sky: tuple[bool, bool] = (False, False),
+    tells_window: bool = False,
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
     `others` is the number of the filter's states beside the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
     numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
-    walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are.
+    walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are,
+    `tells_window` whether imaging windows and their targets are.
     """
     body = form == "body"
     sizes = {
@@ -75,6 +77,8 @@ def layout(
     for name, tells in zip(("sun", "earth"), tells_sky, strict=True):
         if tells:
             sizes[name] = 3
+    if tells_window:
+        sizes["window"], sizes["target"] = 2, 3
     if tells_walk:
         sizes["inertia_walk"] = 1
     if others > 0:
@@ -85,24 +89,9 @@ def layout(
     return {name: slice(edges[i], edges[i + 1]) for i, name in enumerate(sizes)}
 
 
-_LOG_OFFSET = 2.0  # a standard deviation of 1 % of its scale is observed as 0
-
-
 def observed_std(value: np.ndarray) -> np.ndarray:
     """Standard deviations, over their scale, that observed `uncertainty` stands for."""
-    return 10.0 ** (value - _LOG_OFFSET)
-
-
-@inline
-def _write(out, i, value):
-    out[i] = min(max(value, -BOUND), BOUND)
-    return i + 1
-
-
-@inline
-def _log_share(value):
-    """What is observed of a standard deviation, or another positive number, over its scale; -10 of 0."""
-    return np.log10(value) + _LOG_OFFSET if value > 0.0 else -BOUND
+    return 10.0 ** (value - LOG_OFFSET)
 
 
 @outline
@@ -118,41 +107,43 @@ def observe(belief, task, gyro, tachometer, out):
     reading = filters.rate_used(belief, gyro)
     i = 0
     for k in range(3):
-        i = _write(out, i, reading[k] / task.rate_limit)
+        i = write(out, i, reading[k] / task.rate_limit)
     if task.observation == _BODY:
         i = _observe_wheels_on_body(belief, task, reading, tachometer, out, i)
     else:
         for k in range(tachometer.shape[0]):
-            i = _write(out, i, filters.wheel_speed_used(belief, tachometer, k) / task.wheel_speed_max[k])
+            i = write(out, i, filters.wheel_speed_used(belief, tachometer, k) / task.wheel_speed_max[k])
     for k in range(p):
-        i = _write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
+        i = write(out, i, (mean[3 + k] - belief.prior_theta[k]) / belief.theta_scale[k])
     for k in range(p):
-        i = _write(out, i, np.log10(np.sqrt(theta_covariance(belief, k, k)) / belief.theta_scale[k]) + _LOG_OFFSET)
+        i = write(out, i, np.log10(np.sqrt(theta_covariance(belief, k, k)) / belief.theta_scale[k]) + LOG_OFFSET)
     for k in range(3):
-        i = _write(out, i, torque[k] / belief.prior_torque_std if belief.prior_torque_std > 0.0 else 0.0)
+        i = write(out, i, torque[k] / belief.prior_torque_std if belief.prior_torque_std > 0.0 else 0.0)
     for r in range(3):
         for k in range(p):
             scale = np.sqrt(covariance[r, r] * theta_covariance(belief, k, k))
-            i = _write(out, i, covariance[r, 3 + k] / scale)
+            i = write(out, i, covariance[r, 3 + k] / scale)
     for k in range(3):
-        i = _write(out, i, task.control_authority[k])
+        i = write(out, i, task.control_authority[k])
     for k in range(3):
-        i = _write(out, i, task.momentum_fraction[k])
+        i = write(out, i, task.momentum_fraction[k])
     for k in range(3):
-        i = _write(out, i, coast_rate_change[k] * decision_period / task.rate_limit)
+        i = write(out, i, coast_rate_change[k] * decision_period / task.rate_limit)
     i = _observe_command(belief, task, out, i)
-    i = _write(out, i, 1.0 - task.decision / task.decisions)
+    i = write(out, i, 1.0 - task.decision / task.decisions)
     if task.observation == _BODY:
-        i = _write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
+        i = write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
         i = _observe_modes(belief, task, omega, out, i)
     if belief.attitude.on != 0:
-        i = _write(out, i, _log_share(attitude.std_about(belief, 1.0, 0.0, 0.0)))
-        i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 1.0, 0.0)))
-        i = _write(out, i, _log_share(attitude.std_about(belief, 0.0, 0.0, 1.0)))
-        i = _write(out, i, belief.attitude.age / decision_period)
-        i = _observe_sky(belief, task, out, i)
+        i = write(out, i, log_share(attitude.std_about(belief, 1.0, 0.0, 0.0)))
+        i = write(out, i, log_share(attitude.std_about(belief, 0.0, 1.0, 0.0)))
+        i = write(out, i, log_share(attitude.std_about(belief, 0.0, 0.0, 1.0)))
+        i = write(out, i, belief.attitude.age / decision_period)
+        i = observe_sky(belief, task, out, i)
+        if task.tells_window != 0:
+            i = observe_window(belief, task, out, i)
     if task.tells_walk != 0:
-        i = _write(out, i, _log_share(whiteness.inertia_walk(belief)))
+        i = write(out, i, log_share(whiteness.inertia_walk(belief)))
     if i < out.shape[0]:
         _observe_covariance(belief, task, out, i)
 
@@ -162,12 +153,12 @@ def _observe_command(belief, task, out, i):
     """Write the previous action, a torque in the form BODY as that on the body over the most along each axis."""
     if task.observation != _BODY or task.tracking.on != 0:
         for k in range(task.command.shape[0]):
-            i = _write(out, i, task.command[k])
+            i = write(out, i, task.command[k])
         return i
     torque = sum_wheels(belief.axes, task.command * task.torque_max)
     most = reachable(belief.axes, task.torque_max)
     for k in range(3):
-        i = _write(out, i, -torque[k] / most[k])  # the body feels the opposite
+        i = write(out, i, -torque[k] / most[k])  # the body feels the opposite
     return i
 
 
@@ -180,11 +171,11 @@ def _observe_wheels_on_body(belief, task, omega, tachometer, out, i):
     stored = wheel_momentum(belief, speed)
     most = reachable(belief.axes, belief.wheel_inertia * task.wheel_speed_max)
     for k in range(3):
-        i = _write(out, i, stored[k] / most[k])
+        i = write(out, i, stored[k] / most[k])
     rates = omega, task.rate_limit
     now, worst = speed_shares(belief, speed, task.wheel_speed_max, estimated_inertia(belief), rates)
-    i = _write(out, i, now)
-    return _write(out, i, worst)
+    i = write(out, i, now)
+    return write(out, i, worst)
 
 
 @outline
@@ -199,35 +190,16 @@ def _observe_modes(belief, task, omega, out, i):
         at = own.first + modes.STATES * m
         rung = modes.rung_rate(belief, m, task.rate_limit)
         per_rung = 1.0 / rung if rung > 0.0 else 0.0
-        i = _write(out, i, mean[at] * own.frequency[m] * per_rung)
-        i = _write(out, i, modes.deflection_rate(belief, m, omega) * per_rung)
-        i = _write(out, i, modes.limit_of(belief, m) * own.frequency[m] * per_rung)
-        i = _write(out, i, own.w[m] * period / (2.0 * np.pi))
-        i = _write(out, i, _log_share(np.sqrt(covariance[at + 2, at + 2])))
+        i = write(out, i, mean[at] * own.frequency[m] * per_rung)
+        i = write(out, i, modes.deflection_rate(belief, m, omega) * per_rung)
+        i = write(out, i, modes.limit_of(belief, m) * own.frequency[m] * per_rung)
+        i = write(out, i, own.w[m] * period / (2.0 * np.pi))
+        i = write(out, i, log_share(np.sqrt(covariance[at + 2, at + 2])))
         for k in range(3):
-            i = _write(out, i, own.d[m, k] / np.sqrt(inertia[k]))
-        i = _write(out, i, _log_share(np.sqrt(covariance[at + 3, at + 3])))
-        i = _write(out, i, _log_share(own.zeta[m]))
-        i = _write(out, i, _log_share(np.sqrt(covariance[at + 4, at + 4])))
-    return i
-
-
-@outline
-def _observe_sky(belief, task, out, i):
-    """Write the directions of Sun and Earth in the body frame, by the ephemeris and the estimated attitude.
-
-    The Earth is where `core.truth.star_tracker` says; 0 where the attitude is not known.
-    """
-    known = 1.0 if attitude.is_known(belief) else 0.0
-    q, angle = belief.attitude.quaternion, task.orbit_rate * task.decision * task.samples * task.sample_period
-    if task.tells_sun != 0:
-        sun = to_body(q, load(task.sun))
-        for k in range(3):
-            i = _write(out, i, known * sun[k])
-    if task.tells_earth != 0:
-        earth = to_body(q, (np.cos(angle), np.sin(angle), 0.0))
-        for k in range(3):
-            i = _write(out, i, known * earth[k])
+            i = write(out, i, own.d[m, k] / np.sqrt(inertia[k]))
+        i = write(out, i, log_share(np.sqrt(covariance[at + 3, at + 3])))
+        i = write(out, i, log_share(own.zeta[m]))
+        i = write(out, i, log_share(np.sqrt(covariance[at + 4, at + 4])))
     return i
 
 
@@ -239,9 +211,9 @@ def _observe_covariance(belief, task, out, i):
     for r in range(states):
         if r < 3 or r >= 3 + p:
             std, scale = np.sqrt(covariance[r, r]), filters.state_scale(belief, task, r)
-            i = _write(out, i, np.log10(std / scale) + _LOG_OFFSET if scale > 0.0 else -BOUND)
+            i = write(out, i, np.log10(std / scale) + LOG_OFFSET if scale > 0.0 else -BOUND)
     for r in range(states):
         for c in range(r + 1, states):
             if r >= 3 or c < 3 or c >= 3 + p:
                 scale = np.sqrt(covariance[r, r] * covariance[c, c])
-                i = _write(out, i, covariance[r, c] / scale if scale > 0.0 else 0.0)
+                i = write(out, i, covariance[r, c] / scale if scale > 0.0 else 0.0)

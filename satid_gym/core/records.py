@@ -42,7 +42,7 @@ class Fault(IntEnum):
 class Cost(IntEnum):
     """Cost of a decision: a share of its time, or of the wheels."""
 
-    RATE, SATURATION, DEFLECTION, AVOIDED_BAND = range(4)
+    RATE, SATURATION, DEFLECTION, AVOIDED_BAND, WINDOW, KEEP_OUT = range(6)
 
 
 class ObservationForm(IntEnum):
@@ -135,6 +135,8 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("deflection", FLOAT, oscillators),  # largest in the decision
             # tallies of the decision under way
             ("bent", FLOAT),  # samples with an oscillator beyond its limit
+            ("window_missed", FLOAT),  # samples of an open window in which the payload is off its target, or not steady
+            ("in_keep_out", FLOAT),  # samples in which it looks too near the Sun
             ("peak_rate", FLOAT, 3),  # largest |rate| that the filter uses
             ("peak_bend", FLOAT),  # largest deflection that it estimates, over its limit
             ("spin_start", FLOAT, n),

@@ -14,6 +14,7 @@ from satid_gym.core.truth.inertia_law import inertia_at
 
 _RATE, _SATURATION = int(Cost.RATE), int(Cost.SATURATION)
 _DEFLECTION, _AVOIDED_BAND = int(Cost.DEFLECTION), int(Cost.AVOIDED_BAND)
+_WINDOW, _KEEP_OUT = int(Cost.WINDOW), int(Cost.KEEP_OUT)
 
 
 @inline
@@ -31,6 +32,7 @@ def note_costs(task, report):
     costs = report.costs
     costs[_RATE], costs[_SATURATION] = report.outside, saturated_share(report)
     costs[_DEFLECTION], costs[_AVOIDED_BAND] = report.bent / task.samples, report.in_avoided_band
+    costs[_WINDOW], costs[_KEEP_OUT] = report.window_missed / task.samples, report.in_keep_out / task.samples
     report.cost = 0.0
     for i in range(costs.shape[0]):
         report.cost = max(report.cost, costs[i])

@@ -7,6 +7,7 @@ import numpy as np
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.truth import faults
 from satid_gym.core.truth.integrator import advance
+from satid_gym.core.truth.operations import note_operations
 from satid_gym.core.truth.random_walk import walk_as_modelled, walk_gyro_bias
 from satid_gym.core.truth.sampling import advance_sampled
 from satid_gym.core.truth.sensors import drive_motors, read_sensors
@@ -52,6 +53,8 @@ def measure(plant, task, report):
         if deflection > task.deflection_limit[k]:
             bent = 1.0
     report.bent += bent
+    if plant.operations.on != 0:
+        note_operations(plant, report)
     if plant.faulty != 0:
         faults.note_sensors(plant, report)
 

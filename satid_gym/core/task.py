@@ -51,6 +51,11 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("tells_earth", INT),  # likewise the Earth
             ("sun", FLOAT, 3),  # direction of the Sun by the ephemeris, inertial frame; 0: not told
             ("orbit_rate", FLOAT),  # rad/s
+            ("tells_window", INT),  # whether imaging windows are observed
+            ("payload", FLOAT, 3),  # boresight of the payload, unit vector, body frame
+            ("opens", FLOAT),  # s, of the window that is open or comes next
+            ("closes", FLOAT),
+            ("target", FLOAT, 3),  # of that window, unit vector, inertial frame
             ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected
             ("nis_count", INT),  # of these readings
             ("command", FLOAT, actions),  # previous action

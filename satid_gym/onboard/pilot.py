@@ -63,6 +63,11 @@ class Pilot:
     ) -> None:
         given = problem(satellite, "static", scenario, estimator, control=control)
         world, own = given.scenario, given.satellites[0]
+        if world.operations is not None:
+            raise ValueError(
+                f"a pilot is not told of imaging windows, which scenario {world.name!r} has: give one without "
+                "operations"
+            )
         if len(given.satellites) != 1:
             raise ValueError(
                 f"a pilot flies one data sheet, and {satellite!r} in scenario {world.name!r} stands for "

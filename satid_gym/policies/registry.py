@@ -21,11 +21,13 @@ from satid_gym.policies.open_loop_optimal import (
     design_of,
     entries_of,
 )
+from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy, staggered_square
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policies.swing_and_stop import SwingAndStopPolicy
+from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
 
@@ -76,6 +78,8 @@ RATE_BASELINES: dict[str, Baseline] = {
     "shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False),
     "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
     "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False),
+    "operator": Baseline(make=OperatorPolicy, tuned=False),
+    "swing_between": Baseline(make=SwingBetweenPolicy, tuned=False),
 }
 """Baselines for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)

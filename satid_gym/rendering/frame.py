@@ -6,6 +6,7 @@ import numpy as np
 
 from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, series_colour, shade
 from satid_gym.rendering.history import History
+from satid_gym.rendering.payload import Payload
 from satid_gym.rendering.scene import Scene, stars
 from satid_gym.rendering.sky import Sky
 from satid_gym.rendering.strip import Strip
@@ -51,10 +52,12 @@ def _scene(canvas: Canvas, history: History) -> None:
     sky = None if tracker is None else Sky(history, tracker)
     place, radius = ((136.0, 144.0), 82.0) if sky is None else ((168.0, 140.0), 74.0)
     scene = Scene(canvas, place, radius, history)
-    scene.draw(sky)
+    payload = None if history.operations is None else Payload(history, history.operations)
+    scene.draw(sky, payload)
     scene.scale_bar(262.0, 250.0)
-    if sky is not None:
-        sky.map(canvas, (50.0, 98.0), 42.0)
+    shown = sky if payload is None else payload
+    if shown is not None:
+        shown.map(canvas, (50.0, 98.0), 42.0)
     canvas.unclip()
 
 
@@ -68,6 +71,8 @@ def _limits(canvas: Canvas, history: History, y: float, title: str, values: np.n
     for i, name in enumerate(reversed(names)):
         canvas.text((468.0 - 11.0 * i, y + 9.0), name, series_colour(len(names) - 1 - i), 11.0, "right")
     strip.ground()
+    if history.operations is not None:
+        Payload(history, history.operations).windows(strip)
     strip.level(0.0)
     for limit in (-1.0, 1.0):
         strip.level(limit, shade(ALARM, RULE, 0.3), dashes=24)

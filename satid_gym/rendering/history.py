@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from satid_gym.core.records import Cost
 from satid_gym.laws import LAW_NAMES
+from satid_gym.operations import Operations
 from satid_gym.oscillators import oscillator_count
 from satid_gym.satellite import Satellite
 
@@ -19,19 +21,27 @@ class History:
         decision_period: duration of a decision, s.
         law: number of the inertia law in the core.
         orbit_rate: rad/s.
+        operations: of the payload; None: there is none.
 
     Attributes:
         count: number of entries so far.
     """
 
     def __init__(
-        self, satellite: Satellite, decisions: int, decision_period: float, law: int, orbit_rate: float = 0.0
+        self,
+        satellite: Satellite,
+        decisions: int,
+        decision_period: float,
+        law: int,
+        orbit_rate: float = 0.0,
+        operations: Operations | None = None,
     ) -> None:
-        self.satellite, self.orbit_rate = satellite, orbit_rate
+        self.satellite, self.orbit_rate, self.operations = satellite, orbit_rate, operations
         self.horizon = decisions * decision_period
         self.mode = LAW_NAMES[law]
         self.count = 0
-        self.sun = np.zeros(3)  # direction of the Sun, inertial frame, where it blinds a star tracker
+        self.sun = np.zeros(3)  # direction of the Sun, inertial frame, where it blinds a star tracker or a payload
+        self.target = np.zeros(3)  # of the payload, inertial frame
         size, n = decisions + 1, satellite.wheels.count
         self._series = {
             "time": np.zeros(size),
@@ -45,6 +55,8 @@ class History:
             "relative_error": np.zeros(size),
             "outside": np.zeros(size),
             "tracks": np.zeros(size),
+            "windows": np.zeros((size, 2)),
+            "missed": np.zeros(size),
             "deflection": np.zeros((size, oscillator_count(satellite.oscillators))),
         }
 
@@ -61,6 +73,9 @@ class History:
         self._series["relative_error"][i] = report["relative_error"]
         self._series["outside"][i] = report["outside"]
         self._series["tracks"][i], self.sun = plant["tracker"]["tracks"], plant["tracker"]["sun"].copy()
+        own, self.target = plant["operations"], plant["operations"]["target"].copy()
+        self._series["windows"][i] = own["opens"], own["closes"]
+        self._series["missed"][i] = report["costs"][Cost.WINDOW]
         self.count += 1
 
     def _noted(self, name: str) -> np.ndarray:
@@ -120,6 +135,16 @@ class History:
     def tracks(self) -> np.ndarray:
         """(N,) whether the star tracker sees its stars, 1 or 0."""
         return self._noted("tracks")
+
+    @property
+    def windows(self) -> np.ndarray:
+        """(N, 2) s, opening and closing of the imaging window that is open or comes next."""
+        return self._noted("windows")
+
+    @property
+    def missed(self) -> np.ndarray:
+        """(N,) cost "window" of each decision."""
+        return self._noted("missed")
 
     @property
     def earth(self) -> np.ndarray:

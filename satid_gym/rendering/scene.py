@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.rendering.appendages import Appendages, extent
 from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, Colour, series_colour, shade
+from satid_gym.rendering.dome import Dome
 from satid_gym.rendering.history import History
-from satid_gym.rendering.sky import Sky
 from satid_gym.satellite import ReactionWheels, Satellite
 
 MOMENTUM_COLOUR: Colour = (255, 205, 92)
@@ -74,8 +74,8 @@ class Scene:
         """Coordinates (..., 2) on the canvas of points (..., 3) in the view frame."""
         return self.centre + view[..., :2] * np.array([1.0, -1.0])
 
-    def draw(self, sky: Sky | None = None) -> None:
-        """Draw everything, from back to front, with the star tracker of a sky."""
+    def draw(self, *cones: Dome | None) -> None:
+        """Draw everything, from back to front, with the fields of view of star tracker and payload."""
         appendages = Appendages(self)
         self.inertial_axes()
         appendages.panels(front=False)
@@ -87,8 +87,9 @@ class Scene:
         appendages.masses()
         self.faces(front=True)
         appendages.panels(front=True)
-        if sky is not None:
-            sky.cone(self)
+        for seen in cones:
+            if seen is not None:
+                seen.cone(self)
         self.body_axes()
         self.vectors()
         share = appendages.share()

@@ -73,6 +73,8 @@ CASES: dict[str, dict[str, Any]] = {
     "slosh, smallsat": {"satellite": "smallsat", "scenario": "slosh", "inertia": "step"},
     "rates, calibration, body": {"scenario": "calibration", "control": "rate", "observation": "body"},
     "calibration, smallsat": {"satellite": "smallsat", "scenario": "calibration", "inertia": "static"},
+    "rates, operations, body": {"scenario": "operations", "control": "rate", "observation": "body"},
+    "operations, cubesat": {"satellite": "cubesat", "scenario": "operations", "inertia": "step"},
 }
 
 

@@ -19,6 +19,7 @@ from satid_gym.core.records import InertiaMode
 from satid_gym.core.rotation import to_body
 from satid_gym.core.truth.dynamics import set_momenta, set_speeds
 from satid_gym.core.truth.inertia_law import steps
+from satid_gym.core.truth.operations import begin_operations
 from satid_gym.core.truth.oscillator_draw import draw_oscillators, draw_scale, fits
 from satid_gym.core.truth.oscillator_geometry import point_inertia
 from satid_gym.core.truth.sampling import begin_sampling, draw_delay
@@ -241,4 +242,6 @@ def draw_plant(draw, plant):
         _draw_faults(draw, plant)
     if plant.tracker.on != 0:
         begin_tracker(plant)
+    if plant.operations.on != 0:
+        begin_operations(plant)
     return True

@@ -7,6 +7,7 @@ import functools
 import numpy as np
 
 from satid_gym.core.records import FLOAT, INT, UINT, Field
+from satid_gym.core.truth.operations import operations_dtype
 from satid_gym.core.truth.oscillator_geometry import oscillators_dtype
 from satid_gym.core.truth.sampling import sampling_dtype
 from satid_gym.core.truth.star_tracker import tracker_dtype
@@ -91,6 +92,7 @@ def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, de
             *_faults(n, delay),
             ("sampling", sampling_dtype(n, lines)),
             ("tracker", tracker_dtype()),
+            ("operations", operations_dtype()),
         ],
         align=True,
     )

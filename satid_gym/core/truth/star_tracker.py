@@ -14,7 +14,7 @@ import functools
 import numpy as np
 
 from satid_gym.core.algebra import axpy, dot, load, norm, store
-from satid_gym.core.jit import outline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import normal
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.rotation import load_quaternion, product, store_quaternion, turn
@@ -59,8 +59,13 @@ def begin_tracker(plant):
         return
     x, y, z = normal(plant.stream), normal(plant.stream), normal(plant.stream)
     k = 1.0 / norm((x, y, z))
-    sun = (k * x, k * y, k * z)
-    store(tracker.sun, sun)
+    place_sun(plant, (k * x, k * y, k * z))
+
+
+@inline
+def place_sun(plant, sun):
+    """Write the direction of the Sun, inertial frame, and the force of its light."""
+    store(plant.tracker.sun, sun)
     store(plant.solar_force, axpy(-norm(load(plant.solar_force)), sun, (0.0, 0.0, 0.0)))
 
 

@@ -1,0 +1,87 @@
+"""Operations of a payload: when it takes images, how steadily it must point then, and what it may never look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from satid_gym.config import Config, check_number, real_array
+
+SLEW_MAX = 2.0  # rad, from one target to the next
+_DEGREE = float(np.pi / 180.0)  # rad
+_KEEP_OUT_MAX = np.pi / 4.0  # rad, with the clearance
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Operations(Config):
+    """Imaging windows, one after the other: each has a target, to which the payload points while it is open.
+
+    Ranges are (low, high), and what is drawn from one is uniform. An episode's windows do not depend on what is flown.
+
+    Attributes:
+        boresight: (3,) direction in which the payload looks, body frame; its length does not count.
+        gap: s from the start, or from the closing of a window, to the next opening.
+        window: s that a window is open.
+        slew: angle from one target to the next, over what the satellite turns in the gap at its rate limit; at most
+            2 rad.
+        pointing: rad, largest angle between boresight and target while a window is open.
+        steadiness: rad/s, largest body rate while a window is open.
+        keep_out: rad, angle from the Sun that the boresight keeps at all times; 0: the payload may look at it.
+        clearance: rad by which targets, and the boresight at the start, are further from it.
+
+    Raises:
+        ValueError: a range is reversed, or a value is out of range; the message says which.
+    """
+
+    boresight: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    gap: tuple[float, float] = (35.0, 60.0)
+    window: tuple[float, float] = (20.0, 40.0)
+    slew: tuple[float, float] = (0.2, 0.6)
+    pointing: float = 0.2 * _DEGREE
+    steadiness: float = 0.02 * _DEGREE
+    keep_out: float = 25.0 * _DEGREE
+    clearance: float = 5.0 * _DEGREE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        boresight = real_array("boresight of the payload", self.boresight, (3,))
+        length = float(np.linalg.norm(boresight))
+        if length == 0.0:
+            raise ValueError("boresight of the payload must be a direction, got (0, 0, 0)")
+        unit = boresight / length
+        unit.flags.writeable = False
+        object.__setattr__(self, "boresight", unit)
+        for name, high in (("gap", np.inf), ("window", np.inf), ("slew", 1.0)):
+            low, top = (check_number(f"{name} of the operations", x, high=high, strict=True) for x in self._pair(name))
+            if low > top:
+                raise ValueError(f"{name} of the operations must be (low, high), got {getattr(self, name)}")
+        for name in ("pointing", "steadiness"):
+            check_number(f"{name} of the operations", getattr(self, name), strict=True)
+        for name in ("keep_out", "clearance"):
+            check_number(f"{name} of the operations, in rad,", getattr(self, name), high=_KEEP_OUT_MAX)
+        if self.keep_out + self.clearance > _KEEP_OUT_MAX:
+            raise ValueError(
+                f"keep_out and clearance of the operations must be at most {_KEEP_OUT_MAX:.3g} rad together, so that "
+                f"targets are left, got {self.keep_out + self.clearance:.3g} rad"
+            )
+
+    def _pair(self, name: str) -> tuple[float, float]:
+        value = getattr(self, name)
+        if len(value) != 2:
+            raise ValueError(f"{name} of the operations must be (low, high), got {value}")
+        return value
+
+
+def operations_of(value: object) -> Operations:
+    """Operations, or a mapping of their settings, as Operations.
+
+    Raises:
+        ValueError: it is neither, or a setting is not valid.
+    """
+    if isinstance(value, Mapping):
+        return Operations.from_dict(value)
+    if not isinstance(value, Operations):
+        raise ValueError(f"operations must be Operations or a mapping of their settings, got {value!r}")
+    return value
