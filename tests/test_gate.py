@@ -14,10 +14,10 @@ from baselines.scenarios import rivals
 from baselines.scenarios.flights import Cell, Flown, _error, flown
 from baselines.scenarios.gate import Gate, over, row, show
 from baselines.scenarios.oracle import search
+from baselines.scenarios.plans.shaped import ShapedPlan, with_true_modes
+from baselines.scenarios.plans.swing import SwingPlan, with_true_sky
 from baselines.scenarios.rate_loops import RateLoopStudy
 from baselines.scenarios.rivals import Quieter, choose
-from baselines.scenarios.shaped_plan import ShapedPlan, with_true_modes
-from baselines.scenarios.swing_plan import SwingPlan, with_true_sky
 from satid_gym import SATELLITES
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.gym_api import COSTS

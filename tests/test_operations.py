@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.in_the_gaps import InTheGaps
-from baselines.scenarios.window_plan import WindowPlan
+from baselines.scenarios.plans.window import WindowPlan
 from satid_gym import SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario
 from satid_gym.control.pointing import Pointing
 from satid_gym.core.observation import observed_std

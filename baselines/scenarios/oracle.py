@@ -12,9 +12,9 @@ from tqdm import tqdm
 
 from baselines.command import cluster
 from baselines.scenarios.flights import Cell, Flown, flown
-from baselines.scenarios.shaped_plan import ShapedPlan
-from baselines.scenarios.swing_plan import SwingPlan
-from baselines.scenarios.window_plan import WindowPlan
+from baselines.scenarios.plans.shaped import ShapedPlan
+from baselines.scenarios.plans.swing import SwingPlan
+from baselines.scenarios.plans.window import WindowPlan
 
 _POPULATION, _ROUNDS = 32, 6  # of the search, for each episode
 _ELITE = 0.25  # of the population

@@ -1,0 +1,1 @@
+"""Plans of the oracles: what each searches, by scenario."""
