@@ -31,12 +31,13 @@ def test_what_a_prior_says_of_motion_between_two_readings(microsat):
     assert later.agitation == pytest.approx(20.0 * prior.agitation)
 
 
-def test_scenarios_take_one_substep_in_errors_of_the_momentum():
+def test_scenarios_take_one_substep_in_errors_of_the_momentum_or_of_the_rate_where_motors_shake_little():
     settings = MomentumEKFSettings()
     for scenario in SCENARIOS.values():
         for satellite in map(SATELLITES.get, BENCHMARK_SATELLITES):
             prior = prior_of(satellite, scenario)
-            assert (settings.steps(prior), settings.updates_rate(prior)) == (1, False), (scenario.name, satellite.name)
+            quiet = scenario.name == "operations"  # its motors are five times as quiet as the others'
+            assert (settings.steps(prior), settings.updates_rate(prior)) == (1, quiet), (scenario.name, satellite.name)
 
 
 @cases("period", [0.02, 0.1, 1.0, 4.0])
