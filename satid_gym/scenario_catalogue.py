@@ -17,6 +17,9 @@ from satid_gym.tolerances import Tolerances
 
 _DEGREE = float(np.pi / 180.0)  # rad
 _ARCSEC = _DEGREE / 3600.0
+_UNCALIBRATED = Tolerances(
+    gyro_bias=1e-4, gyro_scale=3e-3, gyro_alignment=1e-3, wheel_inertia=2e-3, wheel_alignment=1e-3
+)
 
 SCENARIOS: dict[str, Scenario] = {
     scenario.name: scenario
@@ -70,9 +73,7 @@ SCENARIOS: dict[str, Scenario] = {
             name="calibration",
             horizon=600.0,
             wheel_speed_range=0.02,
-            tolerances=Tolerances(
-                gyro_bias=1e-4, gyro_scale=3e-3, gyro_alignment=1e-3, wheel_inertia=2e-3, wheel_alignment=1e-3
-            ),
+            tolerances=_UNCALIBRATED,
             sensors=Sensors(
                 star_tracker=StarTracker(
                     boresight=np.array([0.6, 0.0, 0.8]),
@@ -90,9 +91,7 @@ SCENARIOS: dict[str, Scenario] = {
             torque_noise=0.01,
             tachometer_noise_std=0.01,
             wheel_speed_range=0.4,
-            tolerances=Tolerances(
-                gyro_bias=1e-4, gyro_scale=3e-3, gyro_alignment=1e-3, wheel_inertia=2e-3, wheel_alignment=1e-3
-            ),
+            tolerances=_UNCALIBRATED,
             sensors=Sensors(
                 star_tracker=StarTracker(
                     boresight=np.array([1.0, 0.0, 0.0]),
