@@ -58,6 +58,21 @@ def real_array(name: str, value: object, *shapes: tuple[int, ...]) -> np.ndarray
     return array
 
 
+def direction(name: str, value: object) -> np.ndarray:
+    """`value`, of any length, as a read-only unit vector (3,).
+
+    Raises:
+        ValueError: not three finite numbers, or all of them 0.
+    """
+    given = real_array(name, value, (3,))
+    length = float(np.linalg.norm(given))
+    if length == 0.0:
+        raise ValueError(f"{name} must be a direction, got (0, 0, 0)")
+    unit = given / length
+    unit.flags.writeable = False
+    return unit
+
+
 def check_number(name: str, value: object, *, low: float = 0.0, strict: bool = False, high: float = np.inf) -> float:
     """`value` as a float within [low, high], or (low, high] where `strict`.
 

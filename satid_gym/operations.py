@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from satid_gym.config import Config, check_number, real_array
+from satid_gym.config import Config, check_number, direction
 
 SLEW_MAX = 2.0  # rad, from one target to the next
 _DEGREE = float(np.pi / 180.0)  # rad
@@ -46,13 +46,7 @@ class Operations(Config):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        boresight = real_array("boresight of the payload", self.boresight, (3,))
-        length = float(np.linalg.norm(boresight))
-        if length == 0.0:
-            raise ValueError("boresight of the payload must be a direction, got (0, 0, 0)")
-        unit = boresight / length
-        unit.flags.writeable = False
-        object.__setattr__(self, "boresight", unit)
+        object.__setattr__(self, "boresight", direction("boresight of the payload", self.boresight))
         for name, high in (("gap", np.inf), ("window", np.inf), ("slew", 1.0)):
             low, top = (check_number(f"{name} of the operations", x, high=high, strict=True) for x in self._pair(name))
             if low > top:

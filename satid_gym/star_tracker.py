@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from satid_gym.config import Config, check_number, real_array
+from satid_gym.config import Config, check_number, direction
 
 EARTH_RADIUS = 6.378137e6  # m, at the equator
 EARTH_GRAVITY = 3.986004418e14  # m^3/s^2
@@ -46,13 +46,7 @@ class StarTracker(Config):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        boresight = real_array("boresight of the star tracker", self.boresight, (3,))
-        length = float(np.linalg.norm(boresight))
-        if length == 0.0:
-            raise ValueError("boresight of the star tracker must be a direction, got (0, 0, 0)")
-        unit = boresight / length
-        unit.flags.writeable = False
-        object.__setattr__(self, "boresight", unit)
+        object.__setattr__(self, "boresight", direction("boresight of the star tracker", self.boresight))
         for name in ("across_std", "round_std"):
             check_number(f"{name} of the star tracker, in rad,", getattr(self, name), high=_NOISE_MAX)
         check_number("period of the star tracker", self.period, strict=True)

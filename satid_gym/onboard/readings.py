@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from satid_gym.config import real_array
+from satid_gym.config import direction
 from satid_gym.satellite import Satellite
 
 SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading of more than so many limits is a wrong unit or a fault
@@ -66,11 +66,7 @@ def sun_direction(value: object) -> np.ndarray:
     Raises:
         ValueError: it is no direction.
     """
-    given = real_array("sun", value, (3,))
-    length = float(np.linalg.norm(given))
-    if length == 0.0:
-        raise ValueError("sun must be a direction in the inertial frame, got (0, 0, 0)")
-    return given / length
+    return direction("sun", value)
 
 
 def _reading(name: str, value: object, limit: np.ndarray, compared: str, unit: str) -> Reading:

@@ -36,7 +36,7 @@ class FilterMPCPolicy:
         tail: decisions that the plan's last error counts for beside its own.
         caution: standard deviations of a mode's frequency for which the body must not bend too far.
         amplitude: of the rates, over what the envelope allows.
-        step: s from one expected reading to the next where the body is rigid; where it bends, all are taken.
+        step: s from one expected reading to the next. Where the body bends or readings come late, all are taken.
         margin: see `RateMargin`.
 
     Raises:
@@ -91,7 +91,7 @@ class FilterMPCPolicy:
         """Take note of the records (N,) of filter and task."""
         flights = Flights(beliefs.copy(), tasks.copy(), self._trackers)
         self._trackers["sun"] = tasks["sun"]
-        if room(flights)[1] == 0:
+        if room(flights)[1] == 0 and not beliefs["alignment"]["on"].any():  # delays are counted in samples
             _lengthen(flights, self._stride)
             self._trackers["every"] = np.maximum(1, self._every // self._stride)
         self._flights, self._seen = flights, True

@@ -24,7 +24,7 @@ SIDES = np.array([[x, y, z] for x in (1.0, -1.0) for y in (1.0, -1.0) for z in (
 _LENGTHS = np.array([1.0, 1.5, 2.0])  # of a swing, over the usual one: more places to stop at
 _SETTLED = 4.0  # time constants of the rate loop after which the body has stopped
 _SAME = 1e-6  # within which two ages are one
-_NONE_YET = 1e-3  # rad^2, in which directions count as turned before any turn
+NONE_YET = 1e-3  # rad^2, in which directions count as turned before any turn
 
 
 class SwingAndStopPolicy:
@@ -94,7 +94,7 @@ class SwingAndStopPolicy:
         self._left = np.zeros(n)  # decisions of the swing that are left; 0: it stops
         self._waited = np.zeros(n)  # decisions of the stop
         self._seen = np.zeros(n) + self.look  # those of it with a reading; a flight begins with a swing
-        self._side, self._turned = np.zeros((n, 3)), np.tile(_NONE_YET * np.eye(3), (n, 1, 1))
+        self._side, self._turned = np.zeros((n, 3)), np.tile(NONE_YET * np.eye(3), (n, 1, 1))
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3)."""

@@ -14,11 +14,10 @@ import numpy as np
 from satid_gym.config import check_number
 from satid_gym.control.pointing import View
 from satid_gym.policies.operator import OperatorPolicy
-from satid_gym.policies.swing_and_stop import SIDES
+from satid_gym.policies.swing_and_stop import NONE_YET, SIDES
 from satid_gym.policy import Mission
 
 _UNROLL = 8.0  # s before that at which the turn about the boresight ends
-_NONE_YET = 1e-3  # rad^2, in which directions count as turned before any turn
 
 
 class SwingBetweenPolicy(OperatorPolicy):
@@ -63,7 +62,7 @@ class SwingBetweenPolicy(OperatorPolicy):
         self._lengths = np.broadcast_to(np.maximum(np.round(np.divide(self.swing, guide.period)), 1.0), n)
         self._preference = np.zeros((n, 1, len(SIDES)))  # of a side in a gap, logarithm
         self._left, self._side = np.zeros(n), np.zeros((n, 3))  # decisions of the swing that are left, and its side
-        self._turned = np.tile(_NONE_YET * np.eye(3), (n, 1, 1))
+        self._turned = np.tile(NONE_YET * np.eye(3), (n, 1, 1))
         self._gap, self._was_open = np.zeros(n, int), np.zeros(n, bool)
         self._rolls = np.ones(n)
 
