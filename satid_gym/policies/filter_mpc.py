@@ -30,8 +30,8 @@ _FIRST = 10  # times as many edits of the first plan, which begins with no rates
 class FilterMPCPolicy:
     """Receding-horizon excitation that the flying filter rehearses; for control "rate" and the MomentumEKF.
 
-    Defaults look far enough ahead for stops at which a star tracker sees; where the body bends, horizon 16, edits 24 and
-    tail 5 are better (the gate of scenarios "flex" and "slosh").
+    Defaults look far enough ahead for stops at which a star tracker sees. Where the body bends, horizon 16, edits 24
+    and tail 5 are better (the gate of scenarios "flex" and "slosh").
 
     Args:
         horizon: decisions ahead.
