@@ -263,7 +263,7 @@ def test_of_settings_inside_the_best_is_chosen_else_the_one_that_strays_least(mo
         "ends": scored(np.inf, np.inf, ended=True),
         "far outside": scored(0.001, 0.001, cost=0.3),
     }
-    monkeypatch.setattr(rivals, "flown", lambda cell, policy, seeds: flights[policy])
+    monkeypatch.setattr(rivals, "flown", lambda cell, policy, seeds, num_threads: flights[policy])
     trials = [({"number": float(i)}, name) for i, name in enumerate(flights)]
     assert choose(CELL, trials, 0.01, 2)[1] == "better"
     assert choose(CELL, trials[2:], 0.01, 2)[1] == "best but outside"

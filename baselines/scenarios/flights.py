@@ -57,14 +57,16 @@ class Flown:
         return Flown(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
-def flown(cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = None) -> Flown:
+def flown(
+    cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = None, *, num_threads: int | None = None
+) -> Flown:
     """Scores of a policy that commands rates; `told` may change what it observes.
 
     Errors are in units of the rotors' mean inertia: a factor on all of them and on the inertia, which no excitation
     finds, is in neither. What the filter expects is the geometric mean of the parameters' std, from the determinant of
     their covariance.
     """
-    settings = {"control": "rate", **observation_settings(policy)}
+    settings = {"control": "rate", "num_threads": num_threads, **observation_settings(policy)}
     env = SatInertiaIDVectorEnv(len(seeds), cell.satellite, cell.inertia, cell.scenario, **settings)
     policy.reset(missions(env.problem)[0], seeds)
     observation, info = env.reset(seed=list(seeds))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.in_the_gaps import InTheGaps
+from satid_gym.config import unknown_name
 from satid_gym.evaluation import seeds
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.operator import OperatorPolicy
@@ -82,7 +83,26 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         "rate_square": squares,
         **({"shaped_square": shaped, "filter_mpc": rehearsed} if _has_limit(scenario) else {}),
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
+        **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
     }
+
+
+def trial(scenario: str, name: str, settings: Mapping[str, Any]) -> Trial:
+    """The rival with settings that are among those to try.
+
+    Raises:
+        ValueError: there is no such rival, or these settings are not tried of it.
+    """
+    known = rivals(scenario)
+    if name not in known:
+        raise unknown_name("rival", name, known)
+    for own, policy in known[name]:
+        if own == settings:
+            return own, policy
+    raise ValueError(
+        f"{name} is not tried with {dict(settings)} in scenario {scenario!r}: run python -m baselines.scenarios.tune "
+        f"--scenarios {scenario} --policies {name} again"
+    )
 
 
 def _rehearsals(scenario: str) -> list[dict[str, Any]]:
@@ -123,14 +143,16 @@ class Quieter:
         return self._factor * self._policy(observation)
 
 
-def choose(cell: Cell, trials: Sequence[Trial], limit: float, episodes: int) -> Trial:
+def choose(
+    cell: Cell, trials: Sequence[Trial], limit: float, episodes: int, *, num_threads: int | None = None
+) -> Trial:
     """Settings with the least expected error on tuning seeds, of those inside the limit (see `Flown.inside`); where
     none are, of those under which the fewest episodes end early the ones that cost least."""
     if len(trials) == 1:
         return trials[0]
     judged: list[tuple[float, float, int]] = []
     for i, (_, policy) in enumerate(trials):
-        flight = flown(cell, policy, seeds("tuning", episodes))
+        flight = flown(cell, policy, seeds("tuning", episodes), num_threads=num_threads)
         if flight.inside(limit):
             judged.append((_INSIDE, float(flight.expected.mean()), i))
         else:
