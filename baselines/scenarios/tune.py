@@ -63,7 +63,8 @@ class Tuning:
         """
         check_names("scenario", self.scenarios, JUDGED)
         check_names("satellite", self.satellites, SATELLITES)
-        check_names("rival", self.policies, {name for scenario in self.scenarios for name in rivals(scenario)})
+        if self.policies:
+            check_names("rival", self.policies, {name for scenario in self.scenarios for name in rivals(scenario)})
         check_number("cost", self.cost, high=1.0)
         check_integer("episodes", self.episodes)
 

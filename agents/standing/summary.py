@@ -1,0 +1,118 @@
+"""Summary of the standing table: means of each policy in each cell, and the ladder of each scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from agents.standing.tasks import BOUND, ORACLE, Task
+from satid_gym.metrics import bootstrap
+from satid_gym.policies.filter_mpc import FilterMPCPolicy
+from satid_gym.policies.registry import PLANNERS
+
+RUNGS = {
+    "reference": "nothing",
+    "scripted": "waveform",
+    "law": "closed loop",
+    "planner": "planner",
+    "learned": "learned",
+    ORACLE: "oracle",
+}
+"""What flies, from nothing to an oracle, and what tables call it."""
+HONEST = (0.3, 2.0)  # of the NEES in the mean
+Row = dict[str, Any]
+
+
+def row(task: Task, found: Mapping[str, Any], limit: float) -> Row:
+    """Line of a policy in a cell; None stands for the expected error where an episode ended early."""
+    result = found["result"]
+    own = {
+        "scenario": task.cell.scenario,
+        "satellite": task.cell.satellite,
+        "inertia": task.cell.inertia,
+        "policy": task.name,
+        "kind": task.kind,
+        "settings": dict(task.settings),
+        "revision": found["revision"],
+        "episodes": len(result["error"]),
+        "error": _mean(result["error"]),
+    }
+    if task.name == BOUND:
+        return own
+    expected = result["expected"]
+    low, high = bootstrap(np.array(expected)) if None not in expected and len(expected) > 1 else (None, None)
+    return {
+        **own,
+        "expected": _mean(expected),
+        "expected_lo": low,
+        "expected_hi": high,
+        "expected_at_end": _mean(result["expected_at_end"]),
+        "nees": _mean(result["nees"]),
+        "costs": result["costs"],
+        "cost": max(result["costs"].values()),
+        "terminated": result["terminated"] / len(result["error"]),
+        "inside": not result["terminated"] and max(result["costs"].values()) <= limit,
+        "decision_ms": result["decision_ms"],
+    }
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    return None if None in values else float(np.mean(np.array(values, float)))
+
+
+def rung(row: Mapping[str, Any]) -> str:
+    """Step of the ladder that a policy stands on."""
+    if row["policy"] in (*PLANNERS, FilterMPCPolicy.name):
+        return "planner"
+    return "law" if row["kind"] == "closed_loop" else str(row["kind"])
+
+
+def ladder(rows: Sequence[Row]) -> list[Row]:
+    """Of one scenario the best policy of each rung, over all its cells.
+
+    The best is that with the least expected error, geometric mean over cells, of those inside all limits in every cell;
+    where none is, the one that is inside in most. A policy that does not fly all cells is left out. `over_best` is its
+    error over that of the best rung below the oracle.
+    """
+    flown = [r for r in rows if r["policy"] != BOUND]
+    cells = {(r["satellite"], r["inertia"]) for r in flown}
+    found = []
+    for step in RUNGS:
+        judged = []
+        for policy in dict.fromkeys(r["policy"] for r in flown if rung(r) == step):
+            mine = [r for r in flown if r["policy"] == policy]
+            if len(mine) < len(cells) and step != ORACLE:
+                continue
+            errors = [r["expected"] for r in mine]
+            mean = None if None in errors else float(np.exp(np.mean(np.log(np.array(errors, float)))))
+            judged.append(
+                {
+                    "rung": step,
+                    "policy": policy,
+                    "cells": len(mine),
+                    "inside": sum(r["inside"] for r in mine),
+                    "honest": sum(HONEST[0] <= r["nees"] <= HONEST[1] for r in mine),
+                    "expected": mean,
+                    "cost": max(r["cost"] for r in mine),
+                    "decision_ms": mine[0]["decision_ms"],
+                }
+            )
+        if judged:
+            found.append(min(judged, key=lambda j: (-j["inside"], j["expected"] is None, j["expected"] or 0.0)))
+    best = min((r["expected"] for r in found if r["rung"] != ORACLE and r["expected"] is not None), default=None)
+    return [{**r, "over_best": None if best is None or r["expected"] is None else r["expected"] / best} for r in found]
+
+
+def show(scenario: str, steps: Sequence[Row]) -> None:
+    """Print the ladder of a scenario."""
+    print(f"\n{scenario}: expected error, mean over the flight and geometric over cells")
+    for step in steps:
+        error, over = ("-" if v is None else f"{k * v:.{d}f}" for v, k, d in _figures(step))
+        kept = f"inside in {step['inside']} of {step['cells']} cells, NEES honest in {step['honest']}"
+        print(f"  {RUNGS[step['rung']]:12s} {step['policy']:16s} {error:>8s} %  {over:>6s} of the best  {kept}")
+
+
+def _figures(step: Row) -> list[tuple[float | None, float, int]]:
+    return [(step["expected"], 100.0, 4), (step["over_best"], 1.0, 2)]
