@@ -139,7 +139,9 @@ def fly(tasks: Sequence[Task], folder: Path, *, again: bool) -> list[dict[str, A
         for left, done in enumerate(as_completed(pending), start=1 - len(todo)):
             place, expected = pending[done]
             found[place] = done.result()
-            bar.set_postfix_str(f"{-left} flights left, {tasks[place].cell.scenario} {tasks[place].name}", refresh=False)
+            bar.set_postfix_str(
+                f"{-left} flights left, {tasks[place].cell.scenario} {tasks[place].name}", refresh=False
+            )
             bar.update(expected)
     return [result for result in found if result is not None]
 

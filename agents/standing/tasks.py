@@ -44,6 +44,7 @@ class Task:
         cell: where.
         name, kind: of the policy, or of what stands for it.
         settings: of a baseline.
+        policy: itself; None of oracle and bound.
         fly: makes the result; plain values.
         identity: all that the result depends on but the code.
     """
@@ -52,6 +53,7 @@ class Task:
     name: str
     kind: str
     settings: Values = field(default_factory=dict)
+    policy: Policy | None = None
     fly: Callable[[], dict[str, Any]]
     identity: Values
 
@@ -152,7 +154,8 @@ def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy) ->
         timed = TimedPolicy(copy.copy(policy))  # cells fly side by side
         return _scores(flown(cell, timed, episodes.seeds, num_threads=1), timed.decision_ms)
 
-    return Task(cell=cell, name=policy.name, kind=policy.kind, settings=settings, identity=identity, fly=fly)
+    about = {"name": policy.name, "kind": policy.kind, "settings": settings, "policy": policy}
+    return Task(cell=cell, identity=identity, fly=fly, **about)
 
 
 def _scores(flight: Flown, decision_ms: float | None) -> dict[str, Any]:

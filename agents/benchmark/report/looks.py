@@ -5,8 +5,8 @@ from __future__ import annotations
 import zlib
 
 from agents.benchmark.stored import MARK
-from satid_gym.policies.registry import BASELINES
-from satid_gym.policies.shipped import names
+from satid_gym.policies.registry import BASELINES, RATE_BASELINES
+from satid_gym.policies.shipped import names, rate_names
 
 _OTHERS = 100_000  # so many further places, for policies that the registry does not have
 
@@ -18,7 +18,7 @@ def place(policy: str) -> int:
     comes after them, at a place that its name fixes.
     """
     policy = policy.removesuffix(MARK)
-    for registered in (list(BASELINES), names()):
+    for registered in ([*BASELINES, *RATE_BASELINES], [*names(), *rate_names()]):
         if policy in registered:
             return registered.index(policy)
-    return len(BASELINES) + zlib.crc32(policy.encode()) % _OTHERS
+    return len(BASELINES) + len(RATE_BASELINES) + zlib.crc32(policy.encode()) % _OTHERS

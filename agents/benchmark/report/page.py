@@ -20,7 +20,18 @@ from satid_gym.files import write_text
 from satid_gym.metrics import BEYOND_MAX
 
 ASSETS = Path(__file__).parent / "assets"
-SCRIPTS = ("page.js", "leaderboard.js", "charts.js", "heatmap.js", "episode.js", "flight.js", "main.js")
+SCRIPTS = (
+    "page.js",
+    "choice.js",
+    "leaderboard.js",
+    "tradeoff.js",
+    "charts.js",
+    "heatmap.js",
+    "episode.js",
+    "flight.js",
+    "sky.js",
+    "main.js",
+)
 _SAME_RUN = ("command", "revision", "seeds", "settings")
 _KEYS = {
     "results": (*_SAME_RUN, "versions", "records", "bounds", "efficiencies"),

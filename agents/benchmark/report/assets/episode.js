@@ -1,15 +1,6 @@
 // One episode in figures: what the filter believed about the inertia, the body rates, the wheels.
 
-const AXES = ["x", "y", "z"];
-const AXIS_COLOURS = ["vermillion", "green", "blue"];
 const AXIS_DASHES = ["solid", "dash", "dot"];
-const WHEEL_COLOURS = ["vermillion", "green", "blue", "purple", "orange", "sky"];
-const episode = data.episode;
-for (const flight of episode.flights) { // the truth is the same for all, as far as they fly
-  flight.time = episode.time.slice(0, flight.error.length);
-  flight.inertia = episode.inertia.map((row) => row.slice(0, flight.error.length));
-}
-const flights = () => chosen.pilots.map((name) => episode.flights.find((f) => f.policy === name));
 
 const lineOf = (i, width = 1.8) => ({ color: colour(AXIS_COLOURS[i]), width });
 
@@ -166,17 +157,4 @@ function showEpisode() {
     );
     for (const { flight, chart } of charts) Plotly.newPlot(chart, ...figureOf(flight), config);
   }
-}
-
-function describeEpisode() {
-  const said = (f) => {
-    const { inside } = data.cells[episode.satellite][episode.inertia_mode].find((row) => row.policy === f.policy);
-    return `${f.policy} (${KINDS[f.kind]}, ${inside ? "inside" : "outside"} the envelope in this cell)`;
-  };
-  byId("of-episode").textContent = `scenario ${scenario}, ${episode.satellite}, ${episode.inertia_mode}`;
-  byId("episode-note").textContent =
-    `Seed ${episode.seed}: ${flights().map(said).join(" beside ")}. ` +
-    "Any policy of the comparison can be chosen. " +
-    "World and noise are the same for all. Drag the picture, or use the arrow keys on it, to look from elsewhere; the " +
-    "space bar plays and pauses.";
 }

@@ -44,6 +44,8 @@ function stateAt(flight, time) {
     momentum: between(flight.momentum),
     wheelSpeed: between(flight.wheel_speed),
     angle: between(flight.angle),
+    deflection: between(flight.deflection ?? []),
+    entry: part < 0.5 ? i : i + 1,
     error: flight.error[part < 0.5 ? i : i + 1],
     over: time > times.at(-1) + 1e-9,
   };
@@ -60,20 +62,36 @@ function wheelAngles(flight) {
 
 // drawing
 
-const half = scaled(episode.size, 0.5);
-const longest = Math.max(...episode.size);
+let episode, half, longest, faces, wheels; // what is flown, and the shape of its satellite
+
+/** Show another episode: of a satellite, the same truth for all its flights. */
+function useEpisode(next) {
+  episode = next;
+  for (const flight of episode.flights) { // the truth is the same for all, as far as they fly
+    flight.time = episode.time.slice(0, flight.error.length);
+    flight.inertia = episode.inertia.map((row) => row.slice(0, flight.error.length));
+  }
+  half = scaled(episode.size, 0.5);
+  longest = Math.max(...episode.size);
+  faces = [0, 1, 2].flatMap((axis) => [-1, 1].map((side) => faceOf(axis, side)));
+  wheels = episode.wheel_axes.map((_, k) => wheelPlace(k));
+  clock.time = 0;
+}
+
+/** The flights that are shown, one or two. */
+const flights = () => chosen.pilots.map((name) => episode.flights.find((f) => f.policy === name));
+
 const mostMomentum = () => Math.max(...flights().flatMap((f) => f.time.map((_, i) => Math.hypot(...f.momentum.map((row) => row[i])))));
-const FACES = [0, 1, 2].flatMap((axis) =>
-  [-1, 1].map((side) => {
-    const [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => {
-      const p = [0, 0, 0];
-      [p[axis], p[u], p[v]] = [side * half[axis], a * half[u], b * half[v]];
-      return p;
-    });
-    return { normal: [0, 1, 2].map((k) => (k === axis ? side : 0)), corners };
-  }),
-);
+
+function faceOf(axis, side) {
+  const [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => {
+    const p = [0, 0, 0];
+    [p[axis], p[u], p[v]] = [side * half[axis], a * half[u], b * half[v]];
+    return p;
+  });
+  return { normal: [0, 1, 2].map((k) => (k === axis ? side : 0)), corners };
+}
 
 /** Centre, radius and two directions in the plane of a wheel, inside the box on its axis. */
 function wheelPlace(k) {
@@ -82,8 +100,6 @@ function wheelPlace(k) {
   const across = unit(cross(axis, Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
   return { axis, centre: scaled(axis, 0.66 * reach), radius: 0.34 * Math.min(...episode.size), u: across, v: cross(axis, across) };
 }
-
-const WHEELS = episode.wheel_axes.map((_, k) => wheelPlace(k));
 
 function draw(view) {
   const { canvas, flight } = view;
@@ -160,10 +176,10 @@ function draw(view) {
   const depth = (p) => dot(p, near);
   const order = (list) => list.toSorted((a, b) => depth(a.tip) - depth(b.tip));
   order(arrows.filter((a) => depth(a.tip) < 0)).forEach((a) => arrow(a.tip, a.name, a.text, a.thick, a.dash));
-  FACES.filter((f) => !seen(f.normal)).forEach((f) => face(f, 0.12, 0.7));
-  const discs = WHEELS.map((wheel, k) => ({ wheel, k, away: depth(inertial(wheel.centre)) }));
+  faces.filter((f) => !seen(f.normal)).forEach((f) => face(f, 0.12, 0.7));
+  const discs = wheels.map((wheel, k) => ({ wheel, k, away: depth(inertial(wheel.centre)) }));
   for (const { wheel, k } of discs.toSorted((a, b) => a.away - b.away)) drawWheel(pen, path, inertial, near, wheel, k, state.angle[k]);
-  FACES.filter((f) => seen(f.normal)).forEach((f) => face(f, 0.14, 1.5));
+  faces.filter((f) => seen(f.normal)).forEach((f) => face(f, 0.14, 1.5));
   order(arrows.filter((a) => depth(a.tip) >= 0)).forEach((a) => arrow(a.tip, a.name, a.text, a.thick, a.dash));
 }
 
@@ -204,6 +220,9 @@ const fixed = (value, decimals) => (Number(value.toFixed(decimals)) || 0).toFixe
 function makeGauges(flight) {
   const rowsOf = [
     ...AXES.map((axis, i) => ({ name: `rate ${axis}`, look: AXIS_COLOURS[i], limit: episode.rate_limit, of: (s) => s.rate[i], text: (v) => `${fixed(1e3 * v, 1)} mrad/s` })),
+    ...(flight.deflection ?? []).map((_, k) => ({
+      name: `mode ${k + 1}`, look: "purple", limit: 1, of: (s) => s.deflection[k], text: (v) => `${fixed(100 * v, 0)} % of limit`,
+    })),
     ...flight.wheel_speed.map((_, k) => ({
       name: `wheel ${k + 1}`, look: WHEEL_COLOURS[k % WHEEL_COLOURS.length], limit: episode.wheel_speed_limit[k],
       of: (s) => s.wheelSpeed[k], text: (v) => `${fixed(v, 0)} rad/s`,
@@ -236,6 +255,7 @@ function showFlight() {
   for (const view of views) {
     draw(view);
     showGauges(view);
+    if (episode.sky) drawSky(view.sky, view.flight, stateAt(view.flight, clock.time));
   }
   byId("scrub").value = String(clock.time);
   byId("clock").textContent = `${clock.time.toFixed(1)} of ${episode.horizon} s`;
@@ -283,8 +303,9 @@ function makeViews() {
     const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": label });
     const gauges = makeGauges(flight);
     const title = make("h3", {}, swatch(flight.policy), ` ${flight.policy}`, make("small", {}, ` ${KINDS[flight.kind]}`));
-    byId("views").append(make("div", { class: "view" }, title, canvas, gauges.box));
-    views.push({ canvas, flight, gauges, mostMomentum: most });
+    const sky = episode.sky ? make("canvas", { class: "sky", role: "img", "aria-label": `Sky of ${flight.policy}` }) : null;
+    byId("views").append(make("div", { class: "view" }, title, canvas, ...(sky ? [sky] : []), gauges.box));
+    views.push({ canvas, sky, flight, gauges, mostMomentum: most });
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {
       if (canvas.hasPointerCapture(event.pointerId)) lookFrom(-event.movementX / 120, event.movementY / 120);
@@ -300,17 +321,20 @@ function makeViews() {
   }
 }
 
-function makeControls() {
+function describeFlight() {
   byId("scrub").max = String(episode.horizon);
-  byId("play").addEventListener("click", () => setPlaying(!clock.playing));
-  byId("scrub").addEventListener("input", (event) => {
-    clock.time = Number(event.target.value);
-    showFlight();
-  });
   const slower = (10 * Math.max(...episode.wheel_speed_limit)) / (2 * Math.PI * TURNS);
   byId("flight-note").textContent =
     "The box is to scale. Thin dashed X, Y, Z: inertial axes; x, y, z: body axes; M: total angular momentum, which " +
     "only disturbances can move; \u03c9: body rate. The bars show each rate and each wheel's speed against its limit. The discs are the wheels; they are drawn inside the box, and at " +
     `10\u00a0x they turn ${Math.round(slower / 10)} times slower than in truth. ` +
     (REDUCED.matches ? "As your system asks for less motion, playing shows one still picture a second." : "");
+}
+
+function makeControls() {
+  byId("play").addEventListener("click", () => setPlaying(!clock.playing));
+  byId("scrub").addEventListener("input", (event) => {
+    clock.time = Number(event.target.value);
+    showFlight();
+  });
 }

@@ -1,4 +1,4 @@
-// Final error of every policy in every cell, by number and colour.
+// An error of every policy in every cell, by number and colour.
 
 // Cividis (Nunez, Anderton, Renslow 2018) at nine even places: lightness alone tells the order.
 const CIVIDIS = ["#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838"];
@@ -14,33 +14,29 @@ function cividis(place) {
   return { back: `rgb(${rgb.map(Math.round).join(",")})`, text: light > 0.179 ? "#000" : "#fff" };
 }
 
-function showHeatmap() {
-  const cells = data.satellites.flatMap((satellite) => data.modes.map((mode) => ({ satellite, mode })));
-  const find = (name, { satellite, mode }) => data.cells[satellite][mode].find((row) => row.policy === name);
-  const names = data.policies.map((p) => p.name);
-  const errors = names.flatMap((name) => cells.flatMap((cell) => find(name, cell)?.final_error_mean ?? []));
+/** The table: rows are policies, the best first; `find(name, cell)` is what a policy reached in a cell, or nothing. */
+function drawHeatmap({ names, limits, satellites, modes, find, measure }) {
+  const cells = satellites.flatMap((satellite) => modes.map((mode) => ({ satellite, mode })));
+  const valueOf = (name, cell) => find(name, cell)?.[measure] ?? null;
+  const known = (name) => cells.map((cell) => valueOf(name, cell)).filter((value) => value !== null);
+  const errors = names.flatMap(known);
   const [low, high] = [Math.min(...errors), Math.max(...errors)];
   const place = (error) => (high > low ? Math.log(error / low) / Math.log(high / low) : 0);
-  const total = (name) => {
-    const logs = cells.flatMap((cell) => find(name, cell)?.final_error_mean ?? []).map(Math.log);
-    return logs.reduce((sum, value) => sum + value, 0) / logs.length;
-  };
-  const ranked = names.toSorted((a, b) => total(a) - total(b));
-  const limits = BOUNDS.filter((name) => cells.every((cell) => find(name, cell)));
+  const total = (name) => known(name).reduce((sum, value) => sum + Math.log(value), 0) / (known(name).length || NaN);
+  const ranked = names.toSorted((a, b) => (total(a) || Infinity) - (total(b) || Infinity) || 0);
   const body = [...ranked, ...limits].map((name) => {
     const values = cells.map((cell) => {
       const row = find(name, cell);
-      if (!row) return make("td", {}, "-"); // it did not fly this satellite
-      if (row.kind === "bound") return make("td", {}, percent(row.final_error_mean));
-      const { back, text } = cividis(place(row.final_error_mean));
-      const star = row.inside ? "" : "*";
+      const value = row ? row[measure] : null;
+      if (value === null || value === undefined) return make("td", {}, row ? "ended" : "-"); // no value, or not flown
+      if (row.kind === "bound") return make("td", {}, percent(value));
+      const { back, text } = cividis(place(value));
       const weight = row.best ? "font-weight:700;text-decoration:underline" : "";
-      const style = `background:${back};color:${text};${weight}`;
-      return make("td", { style }, percent(row.final_error_mean) + star);
+      return make("td", { style: `background:${back};color:${text};${weight}` }, percent(value) + (row.inside ? "" : "*"));
     });
     return make("tr", { class: limits.includes(name) ? "bound" : null }, make("th", { scope: "row", class: "text" }, name), ...values);
   });
-  const groups = data.satellites.map((s) => make("th", { colspan: data.modes.length, scope: "colgroup" }, s));
+  const groups = satellites.map((s) => make("th", { colspan: modes.length, scope: "colgroup" }, s));
   const heads = cells.map((cell) => make("th", { scope: "col" }, cell.mode));
   const corner = make("th", { rowspan: 2, scope: "col", class: "text" }, "policy");
   byId("heatmap").tHead.replaceChildren(make("tr", {}, corner, ...groups), make("tr", {}, ...heads));

@@ -36,6 +36,19 @@ function showProvenance() {
   byId("rebuild").textContent = `python -m agents.report --results ${settings.output}${option}`;
 }
 
+function describeEpisode() {
+  const said = (f) => {
+    const { inside } = data.cells[episode.satellite][episode.inertia_mode].find((row) => row.policy === f.policy);
+    return `${f.policy} (${KINDS[f.kind]}, ${inside ? "inside" : "outside"} the envelope in this cell)`;
+  };
+  byId("of-episode").textContent = `scenario ${scenario}, ${episode.satellite}, ${episode.inertia_mode}`;
+  byId("episode-note").textContent =
+    `Seed ${episode.seed}: ${flights().map(said).join(" beside ")}. ` +
+    "Any policy of the comparison can be chosen. " +
+    "World and noise are the same for all. Drag the picture, or use the arrow keys on it, to look from elsewhere; the " +
+    "space bar plays and pauses.";
+}
+
 /** The policies that fly the episode: any one, alone or beside any other. */
 function fillPilots() {
   const names = episode.flights.map((f) => f.policy);
@@ -57,6 +70,13 @@ function showPilots() {
   showFlight();
 }
 
+function showHeatmap() {
+  const { satellites, modes } = data;
+  const find = (name, { satellite, mode }) => data.cells[satellite][mode].find((row) => row.policy === name);
+  const limits = BOUNDS.filter((name) => satellites.every((satellite) => modes.every((mode) => find(name, { satellite, mode }))));
+  drawHeatmap({ names: data.policies.map((p) => p.name), limits, satellites, modes, find, measure: "final_error_mean" });
+}
+
 function showAll() {
   colours.clear();
   announce();
@@ -65,10 +85,12 @@ function showAll() {
   showFlight();
 }
 
+useEpisode(data.episode);
 fillSelectors();
 showProvenance();
 fillPilots();
 makeControls();
+describeFlight();
 describeEpisode();
 makeViews();
 showLegend();

@@ -1,8 +1,8 @@
-// What every section needs: the data, small builders of elements, numbers as text, the look of each policy.
+// What every section of every page needs: the data, builders of elements, numbers as text, the look of each policy.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 
-const KINDS = { learned: "learned", closed_loop: "closed loop", scripted: "scripted", reference: "reference" };
+const KINDS = { learned: "learned", closed_loop: "closed loop", scripted: "scripted", reference: "reference", oracle: "oracle" };
 const INERTIA = { all: "all modes", static: "static", step: "step", drift: "drift", periodic: "periodic" };
 
 const byId = (id) => document.getElementById(id);
@@ -60,6 +60,7 @@ const LOOKS = {
     size: 9,
   },
   reference: { colours: ["faint"], dashes: ["dash", "dot"], symbol: "x", size: 9 },
+  oracle: { colours: ["ink"], dashes: ["longdash"], symbol: "hexagram", size: 11 },
   bound: { colours: ["ink"], dashes: ["dot", "solid"], symbol: "line-ew", size: 9 },
 };
 const STROKES = {
@@ -101,19 +102,6 @@ function swatch(name) {
   return svg;
 }
 
-// What the reader has chosen, and who wants to know.
-const chosen = {
-  satellite: data.episode.satellite,
-  mode: data.episode.inertia_mode,
-  shown: new Set(data.shown), // in the chart of errors
-  pilots: [...data.episode.shown], // of the episode, one or two
-};
-const listeners = [];
-const onChoice = (listener) => listeners.push(listener);
-const announce = () => listeners.forEach((listener) => listener());
-const rows = () => data.cells[chosen.satellite][chosen.mode];
-const scenario = data.provenance.settings.scenario;
-
 /** Layout that all charts share. */
 function layout(changes) {
   const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("faint"), fixedrange: coarse };
@@ -131,6 +119,10 @@ function layout(changes) {
     ...others,
   };
 }
+
+const AXES = ["x", "y", "z"];
+const AXIS_COLOURS = ["vermillion", "green", "blue"];
+const WHEEL_COLOURS = ["vermillion", "green", "blue", "purple", "orange", "sky"];
 
 const coarse = matchMedia("(pointer: coarse)").matches;
 const config = { responsive: true, displaylogo: false, displayModeBar: coarse ? false : "hover" };
