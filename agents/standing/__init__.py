@@ -1,1 +1,1 @@
-"""Standing table: every policy in every scenario, flown by body rates, with what each costs and who keeps the limits."""
+"""Standing table: every policy in every scenario, flown by body rates: what each costs, who keeps the limits."""

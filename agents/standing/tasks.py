@@ -20,8 +20,8 @@ from baselines.scenarios.rivals import rivals
 from baselines.scenarios.tune import tuned
 from baselines.studies.performance_bound import performance_bound
 from baselines.studies.timing import TimedPolicy
-from satid_gym.evaluation import Split, seeds
 from satid_gym.estimators import MomentumEKFSettings
+from satid_gym.evaluation import Split, seeds
 from satid_gym.files import DamagedFileError, read_json, write_json
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.learned import LearnedPolicy
