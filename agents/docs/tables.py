@@ -25,7 +25,7 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import satellites, section_table, vector_arguments
-from agents.docs.world_tables import basilisk, gates, planners, rate_loops, unmodelled
+from agents.docs.world_tables import basilisk, gates, ladders, planners, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -193,6 +193,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "laws": laws,
         "faults": faults,
     },
+    "standing.md": {"ladders": ladders},
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
     "baselines.md": {"baselines": baselines},
     "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},

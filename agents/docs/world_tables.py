@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from agents.docs.readme import RESULTS
+from agents.standing.summary import RUNGS
 from baselines.command.markdown import table
 from satid_gym.files import read_json
 
@@ -49,6 +50,17 @@ def planners() -> str:
     return "\n\n".join(
         gate_table(_committed(f"planner_{name}", f"gate --scenario {name}", "rows"))
         for name in ("flex", "slosh", "calibration")
+    )
+
+
+def ladders() -> str:
+    """The best of each kind in every scenario, from the committed standing table."""
+    return ladders_table(
+        read_json(
+            RESULTS / "standing.json",
+            "run python -m agents.standing and copy standing.json to docs/results",
+            keys=("ladders", "rows", "settings", "command", "seeds"),
+        )
     )
 
 
@@ -124,6 +136,31 @@ def gate_table(results: Mapping[str, Any]) -> str:
     said += ". The expected error is the filter's own, mean over the flight. Revision "
     said = said.format(**results["settings"])
     return table(["policy", "settings", *head], rows, text_columns=2) + f"\n\n{said}{results['revision'][:7]}."
+
+
+def ladders_table(results: Mapping[str, Any]) -> str:
+    """Rows are scenarios, columns kinds of policies; where the flights come from below it."""
+    steps = {name: {step["rung"]: step for step in rungs} for name, rungs in results["ladders"].items()}
+    shown = [rung for rung in RUNGS if any(rung in rungs for rungs in steps.values())]
+
+    def cell(step: Mapping[str, Any] | None) -> str:
+        if step is None:
+            return "-"
+        star = "" if step["inside"] == step["cells"] else "\\*"
+        error = "ended early" if step["expected"] is None else f"{100.0 * step['expected']:.3g}"
+        over = "" if step["over_best"] is None else f" ({step['over_best']:.2f})"
+        text = f"`{step['policy']}`{star} {error}{over}"
+        return f"**{text}**" if step["over_best"] == 1.0 else text
+
+    rows = [[f"`{name}`", *(cell(rungs.get(rung)) for rung in shown)] for name, rungs in steps.items()]
+    settings, revisions = results["settings"], sorted({row["revision"][:7] for row in results["rows"]})
+    flown = (
+        f"Satellites {', '.join(settings['satellites'])}; inertia {', '.join(settings['inertias'])}; "
+        f"{settings['episodes']} {results['seeds']['split']} episodes a cell"
+        + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
+        + f"; revision {', '.join(revisions)}; `{results['command']}`."
+    )
+    return table(["scenario", *(RUNGS[rung] for rung in shown)], rows, text_columns=1 + len(shown)) + "\n\n" + flown
 
 
 def basilisk_table(results: Mapping[str, Any]) -> str:

@@ -1,0 +1,214 @@
+"""The standing table: what is flown again and what is kept, the ladder, and the page in a real browser."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from agents.docs.world_tables import ladders_table
+from agents.standing import table as standing
+from agents.standing.replay import pair
+from agents.standing.summary import ladder, row
+from agents.standing.tasks import BOUND, ORACLE, Episodes, misfit, tasks_of
+from baselines.command.cli import exit_code
+from baselines.scenarios import tune
+from baselines.scenarios.flights import Cell, flown
+from baselines.scenarios.rivals import rivals, trial
+from satid_gym.evaluation import seeds
+from satid_gym.policies.shipped import find
+from satid_gym.scenario_catalogue import SCENARIOS
+
+CELL = Cell(scenario="tight", satellite="microsat", inertia="static")
+FEW = Episodes(split="validation", count=2, oracle=0, cost=0.01)
+
+
+def named(cell, name, episodes=FEW, learned=()):
+    (found,) = [task for task in tasks_of(cell, episodes, learned) if task.name == name]
+    return found
+
+
+def run(monkeypatch, module, line):
+    monkeypatch.setattr(sys, "argv", [module.__name__, *line.split()])
+    return exit_code(module.main)
+
+
+# tasks
+
+
+def test_a_flight_is_kept_until_what_it_depends_on_changes(tmp_path):
+    task = named(CELL, "sine")
+    assert task.kept(tmp_path) is None
+    found = task.run(tmp_path)
+    assert task.kept(tmp_path) == found
+    assert named(CELL, "sine").kept(tmp_path) == found, "the same question, asked again"
+    assert named(CELL, "sine", Episodes(split="validation", count=3, oracle=0, cost=0.01)).kept(tmp_path) is None
+    assert named(CELL, "sine", Episodes(split="tuning", count=2, oracle=0, cost=0.01)).kept(tmp_path) is None
+    task.file(tmp_path).write_text("{")
+    assert task.kept(tmp_path) is None, "damaged"
+
+
+def test_scores_are_those_of_the_flight(tmp_path):
+    settings, policy = tune.tuned("tight", "microsat", "sine")
+    flight = flown(CELL, policy, seeds("validation", 2))
+    task = named(CELL, "sine")
+    result = task.run(tmp_path)["result"]
+    assert task.settings == settings
+    for name in ("expected", "error", "nees"):
+        np.testing.assert_allclose(result[name], getattr(flight, name), rtol=1e-4)
+    own = row(task, {"revision": "r", "result": result}, 0.01)
+    assert own["expected"] == pytest.approx(flight.expected.mean(), rel=1e-4)
+    assert own["inside"] == flight.inside(0.01)
+
+
+def test_every_scenario_has_its_ladder():
+    for scenario in tune.JUDGED:
+        names = [t.name for t in tasks_of(Cell(scenario=scenario, satellite="microsat", inertia="static"), FEW, [])]
+        assert {"zero", "random", "sine", "rate_square", "mpc"} & set(names) >= {"zero", "random", "sine"}
+        assert (BOUND in names) == (scenario in ("default", "tight")), scenario
+        assert ORACLE not in names, "no episodes were asked of it"
+
+
+def test_learned_policies_fly_where_they_fit():
+    assert misfit(find("universal"), CELL) == ""
+    assert "observation" in misfit(find("stargazer"), CELL)
+    calibration = Cell(scenario="calibration", satellite="microsat", inertia="static")
+    assert misfit(find("stargazer"), calibration) == ""
+
+
+# settings of the rivals
+
+
+def test_shipped_settings_are_of_the_grid():
+    for entry in tune.stored(tune.TUNED):
+        settings, _ = trial(entry["scenario"], entry["policy"], entry["settings"])
+        assert settings == entry["settings"]
+        assert entry["scenario"] in SCENARIOS
+
+
+def test_who_is_not_tuned_is_refused_with_the_command(tmp_path):
+    with pytest.raises(ValueError, match=r"not tuned for satellite 'innocube'.*baselines\.scenarios\.tune"):
+        tune.tuned("tight", "innocube", "sine")
+    with pytest.raises(ValueError, match=r"sine is not tried with .*--scenarios tight --policies sine again"):
+        trial("tight", "sine", {"amplitude": 0.123456})
+
+
+def test_tuning_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "tuned.json"
+    few = {name: rivals("tight")[name][-2:] for name in ("sine", "chirp", "zero")}
+    monkeypatch.setattr(tune, "rivals", lambda scenario: few)
+    line = f"--scenarios tight --satellites microsat --episodes 1 --output {file}"
+    asked = []
+    best = tune.best
+    monkeypatch.setattr(tune, "best", lambda *place: asked.append(place[:3]) or best(*place))
+    assert run(monkeypatch, tune, f"{line} --policies sine") == 0
+    assert run(monkeypatch, tune, line) == 0
+    assert asked == [("tight", "microsat", name) for name in ("sine", "chirp")], "the sine not again, zero never"
+    assert len(json.loads(file.read_text())["entries"]) == 2
+    assert run(monkeypatch, tune, f"{line} --policies nobody") == 2
+    assert "nobody" in capsys.readouterr().err
+
+
+# the ladder
+
+
+def entry(policy, kind, inertia, expected, *, inside=True, cost=0.0):
+    place = {"satellite": "s", "inertia": inertia, "revision": "r", "settings": {}, "episodes": 2}
+    scores = {"expected": expected, "nees": 1.0, "cost": cost, "inside": inside, "decision_ms": 1.0}
+    return {"scenario": "tight", "policy": policy, "kind": kind, **place, **scores}
+
+
+def test_the_best_of_a_kind_is_inside_in_every_cell():
+    rows = [
+        entry("zero", "reference", "static", 1.0),
+        entry("zero", "reference", "step", 1.0),
+        entry("sine", "scripted", "static", 0.04),
+        entry("sine", "scripted", "step", 0.01),
+        entry("chirp", "scripted", "static", 0.01),
+        entry("chirp", "scripted", "step", 0.01, inside=False),
+        entry("rate_square", "closed_loop", "static", 0.01),
+        entry("rate_square", "closed_loop", "step", 0.01),
+        entry("mpc", "closed_loop", "static", 0.005),
+        entry("mpc", "closed_loop", "step", None, inside=False),
+        entry("net", "learned", "static", 0.001),  # it does not fly the other cell
+        entry(ORACLE, ORACLE, "static", 0.004),
+        {"policy": BOUND, "kind": BOUND, "satellite": "s", "inertia": "static", "error": 0.001},
+    ]
+    found = {step["rung"]: step for step in ladder(rows)}
+    assert {rung: step["policy"] for rung, step in found.items()} == {
+        "reference": "zero",
+        "scripted": "sine",
+        "law": "rate_square",
+        "planner": "mpc",
+        ORACLE: ORACLE,
+    }
+    assert found["scripted"]["expected"] == pytest.approx(0.02), "geometric mean"
+    assert found["planner"]["expected"] is None
+    assert found["law"]["over_best"] == 1.0
+    assert found["scripted"]["over_best"] == pytest.approx(2.0)
+    assert found[ORACLE]["over_best"] == pytest.approx(0.4), "the oracle is no contender"
+    assert pair(list(found.values())) == ["rate_square"], "the planner ended early, nothing learned flies here"
+    text = ladders_table(
+        {
+            "ladders": {"tight": list(found.values())},
+            "rows": rows[:1],
+            "settings": {"satellites": ["s"], "inertias": ["static"], "episodes": 2, "oracle": 0},
+            "seeds": {"split": "test"},
+            "command": "python -m agents.standing",
+        }
+    )
+    assert "**`rate_square` 1 (1.00)**" in text
+    assert "`mpc`\\* ended early" in text
+
+
+# the command
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("--scenarios nowhere", "nowhere"),
+        ("--episodes 1", "episodes"),
+        ("--episodes 2 --oracle 3", "oracle"),
+        ("--policies generalist", "'generalist' is taken"),
+    ],
+)
+def test_bad_settings_are_refused(line, said, monkeypatch, capsys):
+    assert run(monkeypatch, standing, line) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_page_in_a_browser(browser, tmp_path, monkeypatch, capsys):
+    cells = "--scenarios tight operations --satellites microsat --inertias static"
+    line = f"{cells} --episodes 2 --split validation --output {tmp_path}"
+    assert run(monkeypatch, standing, line + " --no-planners") == 0
+    printed = capsys.readouterr().out
+    assert "tight: expected error" in printed
+    assert "operations: expected error" in printed
+    results = json.loads((tmp_path / "standing.json").read_text())
+    times = {path: path.stat().st_mtime_ns for path in (tmp_path / "flights").rglob("*.json")}
+    assert run(monkeypatch, standing, line + " --no-planners") == 0
+    assert times == {path: path.stat().st_mtime_ns for path in (tmp_path / "flights").rglob("*.json")}, "all kept"
+
+    complaints = []
+    page = browser.new_page()
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto((tmp_path / "standing.html").as_uri())
+    page.wait_for_selector("#episode-charts .main-svg")
+    assert page.locator("#ladder tbody tr").count() == 2
+    shown = page.locator("#policy-table tbody tr").count()
+    assert shown == len([r for r in results["rows"] if r["scenario"] == "tight"])
+    page.locator("#ladder button", has_text="operations").click()
+    page.wait_for_selector("canvas.sky")
+    assert page.locator("#scenario").input_value() == "operations"
+    pixels = "c => [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data].filter(v => v).length"
+    assert page.locator("canvas.sky").first.evaluate(pixels) > 1000, "the sky is drawn"
+    page.locator("#scrub").fill("120")
+    assert page.locator("#clock").inner_text().startswith("120.0")
+    page.locator("#policy-table thead button", has_text="NEES").click()
+    nees = [float(t) for t in page.locator("#policy-table tbody tr td:nth-child(5)").all_inner_texts() if t.strip()]
+    assert nees == sorted(nees)
+    assert complaints == []
+    page.close()
