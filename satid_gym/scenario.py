@@ -59,6 +59,7 @@ class Scenario(Config):
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
         rate_bandwidth: rad/s, of the rate loop under control="rate"; see `tracking_bandwidth`.
+        reference_slope: of that loop's reference: share of what the weakest motor gives the largest moment; 0: any.
         termination_factor: the episode ends where a body rate exceeds this many rate limits.
         deflection_factor: the episode ends where an oscillator is beyond its limit by this factor.
         appendages: panels or a tank that its satellites get, drawn from ranges, or a mapping with their settings.
@@ -98,6 +99,7 @@ class Scenario(Config):
     random_attitude: bool = True
     rate_limit: float | None = None
     rate_bandwidth: float = 1.0
+    reference_slope: float = 0.0
     termination_factor: float = 3.0
     deflection_factor: float = 4.0
     appendages: Appendages | None = None
@@ -113,7 +115,7 @@ class Scenario(Config):
             check_number(name, getattr(self, name), strict=True)
         for name in ("inertia_std", "tilt_std", "initial_rate_std", "torque_noise", "torque_lag", "gyro_bias_walk"):
             check_number(name, getattr(self, name))
-        for name in ("disturbance_scale", "solar_pressure", "orbit_rate"):
+        for name in ("disturbance_scale", "solar_pressure", "orbit_rate", "reference_slope"):
             check_number(name, getattr(self, name))
         check_number("rate_bandwidth", self.rate_bandwidth, strict=True)
         check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
@@ -225,8 +227,6 @@ def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | 
         scenario: the world.
         parameters: what is to be estimated; None: what the satellite and the scenario's `tilt_std` need.
     """
-    if parameters is None and scenario.tilt_std > 0.0:
-        parameters = "full"
     scale = scenario.prior_scale.get(satellite.name, scenario.prior_scale.get("*", 1.0))
     operating = scenario.operate(satellite)
     return FilterPrior(
@@ -238,7 +238,7 @@ def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | 
         tachometer_noise_std=operating.tachometer_noise_std,
         disturbance_std=operating.disturbance_std,
         disturbance_walk=disturbance_walk(operating, scenario),
-        parameters=parameters,
+        parameters="full" if parameters is None and scenario.tilt_std > 0.0 else parameters,
         tolerances=operating.tolerances,
         gyro_bias_walk=scenario.gyro_bias_walk,
         modes=operating.modes,

@@ -149,6 +149,7 @@ def _write_tracking(row: np.void, p: Problem, satellite: Satellite) -> None:
     wheels = satellite.wheels
     row["on"] = p.control == "rate"
     row["bandwidth"] = p.scenario.tracking_bandwidth
+    row["slope"] = p.scenario.reference_slope * wheels.max_torque.min() / np.linalg.eigvalsh(satellite.inertia)[-1]
     row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
     row["spin_max"] = wheels.inertia * wheels.max_speed
     row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + 2.0 * p.scenario.command_lateness

@@ -46,6 +46,26 @@ def test_a_small_step_is_followed_as_by_a_first_order_loop():
         np.testing.assert_allclose(env.fleet.rows.plants["rate"][0], expected, rtol=2e-3)
 
 
+def test_a_reference_with_a_slope_is_followed_at_that_slope():
+    """Along a ramp of slope s a first-order loop of bandwidth k lags by s / k, and its rate grows by s a second."""
+    env = SatInertiaIDEnv("microsat", "static", {**QUIET, "reference_slope": 0.25}, control="rate")
+    slope = 0.25 * 0.1 / 6.53
+    env.reset(seed=0)
+    rates = []
+    for _ in range(6):
+        env.step(np.array([0.9, -0.9, 0.0]))
+        rates.append(env.fleet.rows.plants["rate"][0].copy())
+    grown = np.diff(rates, axis=0)[3:]  # the lag has settled, and the command, 7.05 s away, is not reached
+    np.testing.assert_allclose(grown[:, 0], slope, rtol=0.02)
+    np.testing.assert_allclose(grown[:, 1], -slope, rtol=0.02)
+    for _ in range(8):
+        env.step(np.array([0.9, -0.9, 0.0]))
+    np.testing.assert_allclose(env.fleet.rows.plants["rate"][0, :2], [0.9 * LIMIT, -0.9 * LIMIT], rtol=0.02)
+    env.reset(seed=0)
+    env.step(np.zeros(3))
+    assert np.abs(env.fleet.rows.plants["rate"][0]).max() < 1e-3 * LIMIT, "an episode begins with a reference of zero"
+
+
 def test_a_bandwidth_beyond_half_a_sample_is_cut_to_it():
     env = SatInertiaIDEnv("microsat", "static", {**QUIET, "rate_bandwidth": 50.0}, control="rate")
     env.reset(seed=0)

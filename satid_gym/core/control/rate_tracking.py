@@ -8,7 +8,8 @@ with A^+ the pseudo-inverse of their axes by which each motor takes a part as it
 
 k, the bandwidth, is low enough for the phase of a late command to leave every bending mode damped: a torque that
 opposes the rate at its own place takes energy out of a mode as long as it is less than a quarter of the mode's period
-late. N projects on the torques that cancel each other; of more than three wheels those that turn against each other
+late. A change of omega_ref leaves a mode ringing by how steep it is; a scenario's `reference_slope` is the steepest.
+N projects on the torques that cancel each other; of more than three wheels those that turn against each other
 are brought to share the momentum evenly. Where all that takes more than the motors have, the error is reduced axis by
 axis (`allocation.within_reach`). What the motors are commanded allows for a weak one and for friction, as their wheels
 have shown them (`core.control.motors`).
@@ -59,7 +60,9 @@ def tracking_dtype(n: int) -> np.dtype:
             ("reach", FLOAT, n),  # torque that a motor has, N m
             ("rotor_inertia", FLOAT, (3, 3)),  # A j A^T, kg m^2
             ("spin_max", FLOAT, n),  # momentum that a wheel may store, N m s
-            ("reference", FLOAT, 3),  # omega_ref, rad/s
+            ("reference", FLOAT, 3),  # commanded rate, rad/s
+            ("slope", FLOAT),  # at which omega_ref moves there, rad/s^2; 0: at once
+            ("eased", FLOAT, 3),  # omega_ref of the last sample where it has a slope, rad/s
             ("motors", motors_dtype(n)),
             ("scratch", FLOAT, (2, n)),
         ],
@@ -105,6 +108,17 @@ def _even_out(s, axes, torque):
         torque[k] += left * s.scratch[0, k]
 
 
+@inline
+def _ease(s, dt):
+    """omega_ref, rad/s, dt seconds after the last."""
+    if s.slope == 0.0:
+        return load(s.reference)
+    step = s.slope * dt
+    for i in range(3):
+        s.eased[i] += min(max(s.reference[i] - s.eased[i], -step), step)
+    return load(s.eased)
+
+
 @outline
 def track(task, belief, gyro, tachometer, dt, torque):
     """Write to `torque` (n,), N m, what the motors are to give until the next readings; dt seconds after the last."""
@@ -117,7 +131,7 @@ def track(task, belief, gyro, tachometer, dt, torque):
     for k in range(n):
         s.scratch[1, k] = belief.wheel_inertia[k] * s.motors.speed[k]
     wheels = (axes, s.allocation, s.spin_max)
-    wanted = storable(load(s.reference), momentum, inertia, wheels, s.scratch[1], s.scratch[0])
+    wanted = storable(_ease(s, dt), momentum, inertia, wheels, s.scratch[1], s.scratch[0])
     free = axpy_symmetric(-1.0, load_symmetric(s.rotor_inertia), inertia)
     scaled = scale_symmetric(-s.bandwidth, free)
     drift = add(tau, cross(momentum, omega))
