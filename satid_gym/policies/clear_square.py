@@ -79,9 +79,7 @@ class ClearSquarePolicy:
         wheels, inertia = self._wheels, belief.inertia[i]
         speed = belief.wheel_momentum[i] / wheels.inertia
         at_rest = speed + self._share @ inertia @ belief.omega[i] / wheels.inertia
-        change = (
-            (_DIAGONALS * most) @ inertia @ self._share.T / wheels.inertia
-        )  # (4, n), from rest to the diagonal's end
+        change = (_DIAGONALS * most) @ inertia @ self._share.T / wheels.inertia  # (4, n), to the end
         ends = at_rest - _GRID[None, :, None] * change[:, None, :]  # (4, grid, n)
         clear, side = self._clear(ends), np.sign(ends)
         same = (side[:, :, None] == side[:, None, :]).all(axis=-1)
@@ -105,7 +103,7 @@ class ClearSquarePolicy:
         return best[0], best[1], best[2]
 
     def _clear(self, speed: np.ndarray) -> np.ndarray:
-        """Least distance (...) of speeds (..., n) from the band and from the limit, rad/s; negative within or beyond."""
+        """Least distance (...) of speeds (..., n) from band and limit, rad/s; negative within or beyond."""
         low, high = self._wheels.avoided_speed
         size = np.abs(speed)
         off = np.where((size < low) & (low > 0.0), low - size, size - high)
