@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -16,6 +17,7 @@ from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
 
 _LENGTH_TOLERANCE = 1e-6  # of a wheel axis, whose length must be 1
+_SIGNS = 9  # wheels of which both signs are tried
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,7 +31,8 @@ class ReactionWheels(Config):
         max_speed: speed limit relative to the body, rad/s, one number or (n,).
         friction: of each wheel, or a mapping with its settings; none by default.
         avoided_speed: (low, high) rad/s, band of the wheels' speed either way that operators avoid, as where a wheel
-            shakes an instrument or loses its film of lubricant; time in it is counted. (0, 0): none.
+            shakes an instrument or loses its film of lubricant; time in it is counted, and the rate loop keeps more
+            than three wheels out of it. (0, 0): none.
 
     Raises:
         ValueError: a shape, a sign, a band or an axis is wrong.
@@ -80,6 +83,16 @@ class ReactionWheels(Config):
     def rotor_inertia(self) -> np.ndarray:
         """Inertia of the rotors about their spin axes, A j A^T (3, 3), kg m^2, which the free body lacks."""
         return (self.axes * self.inertia) @ self.axes.T
+
+    @property
+    def null_direction(self) -> np.ndarray:
+        """Momenta (n,) of n > 3 wheels that cancel each other, at most 1, whose least is as large as was found."""
+        null = np.eye(self.count) - np.linalg.pinv(self.axes) @ self.axes
+        signs = np.ones((2 ** min(self.count - 1, _SIGNS), self.count))
+        signs[:, 1 : _SIGNS + 1] = list(itertools.product([1.0, -1.0], repeat=min(self.count - 1, _SIGNS)))
+        ways = signs @ null
+        ways = ways / np.maximum(np.abs(ways).max(axis=1, keepdims=True), _LENGTH_TOLERANCE)
+        return ways[np.argmax(np.abs(ways).min(axis=1))]
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ from satid_gym.star_tracker import StarTracker, earth_angle
 
 _SETTLED = 4.5  # samples without a larger change, after which the rate loop learns from what a motor does
 _GAIN_STD, _FRICTION_STD = 0.16, 0.05  # what it believes at first of gain, and of friction over the torque limit
+_RESERVE = 0.1  # of the largest swing of a wheel, room that the null motion keeps
 _NOISE_MIN = 0.01  # of the torque limit
 
 
@@ -141,11 +142,11 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["criterion"], task["net"] = Criterion[reward.criterion.upper()], reward.net
     for name in NUMBERS:
         task[name] = getattr(reward, name)
-    _write_tracking(task["tracking"], p, satellite)
+    _write_tracking(task["tracking"], p, satellite, prior)
     return rows
 
 
-def _write_tracking(row: np.void, p: Problem, satellite: Satellite) -> None:
+def _write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.ndarray) -> None:
     wheels = satellite.wheels
     row["on"] = p.control == "rate"
     row["bandwidth"] = p.scenario.tracking_bandwidth
@@ -155,6 +156,19 @@ def _write_tracking(row: np.void, p: Problem, satellite: Satellite) -> None:
     row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + 2.0 * p.scenario.command_lateness
     noise = np.maximum(_acceleration_noise(satellite, p.scenario), _NOISE_MIN)
     row["motors"]["prior"] = (noise[:, None] / [_GAIN_STD, _FRICTION_STD]) ** 2
+    _write_null_motion(row["null"], satellite, prior)
+
+
+def _write_null_motion(row: np.void, satellite: Satellite, prior: np.ndarray) -> None:
+    wheels = satellite.wheels
+    low, high = wheels.avoided_speed
+    row["on"] = wheels.count > 3 and high > low
+    if row["on"]:
+        row["direction"] = wheels.null_direction
+        row["avoided"] = wheels.inertia[:, None] * wheels.avoided_speed
+        row["swing"] = np.abs(np.linalg.pinv(wheels.axes) @ prior).sum(axis=1) * satellite.rate_limit
+        row["reserve"] = _RESERVE * row["swing"].max()
+        row["most"] = (wheels.inertia * wheels.max_speed).max()
 
 
 def _acceleration_noise(satellite: Satellite, scenario: Scenario) -> np.ndarray:

@@ -25,7 +25,7 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import satellites, section_table, vector_arguments
-from agents.docs.world_tables import basilisk, gates, ladders, planners, rate_loops, unmodelled
+from agents.docs.world_tables import basilisk, four_wheels, gates, ladders, planners, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -221,7 +221,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "consistency": lambda: consistency(tracker_table, "star_tracker"),
     },
     "unmodelled.md": {"unmodelled": unmodelled},
-    "rates.md": {"rate loops": rate_loops},
+    "rates.md": {"rate loops": rate_loops, "four wheels": four_wheels},
     "truth.md": {"basilisk": basilisk},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),

@@ -10,6 +10,7 @@ import numpy as np
 from agents.docs.readme import RESULTS
 from agents.standing.summary import RUNGS
 from baselines.command.markdown import table
+from baselines.scenarios.four_wheels import HEAD, summary
 from satid_gym.files import read_json
 
 Cell = Mapping[str, Any]
@@ -62,6 +63,13 @@ def ladders() -> str:
             keys=("ladders", "rows", "settings", "command", "seeds"),
         )
     )
+
+
+def four_wheels() -> str:
+    """Four wheels with and without null motion, from the committed study."""
+    results = _committed("four_wheels", "four_wheels", "cells")
+    flown = "{satellite}, {episodes} tuning episodes a flight; revision ".format(**results["settings"])
+    return table(list(HEAD), summary(results["cells"]), text_columns=2) + f"\n\n{flown}{results['revision'][:7]}."
 
 
 def basilisk() -> str:

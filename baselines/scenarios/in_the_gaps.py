@@ -8,7 +8,7 @@ import numpy as np
 
 from satid_gym.control.pointing import View
 from satid_gym.policies.operator import OperatorPolicy
-from satid_gym.policy import Mission, Policy, observation_settings
+from satid_gym.policy import Mission, Policy, observation_settings, show_filter
 
 
 class InTheGaps(OperatorPolicy):
@@ -33,6 +33,10 @@ class InTheGaps(OperatorPolicy):
         """
         super().reset(mission, seeds)
         self._policy.reset(mission, seeds)
+
+    def see(self, beliefs: np.ndarray, tasks: np.ndarray) -> None:
+        """Show the policy the filters (N,) that fly, where it plans with them."""
+        show_filter(self._policy, beliefs, tasks)
 
     def _flown(self, observation: np.ndarray, view: View) -> np.ndarray:
         guide = self._pointing

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
+from baselines.scenarios.four_wheels import on_pyramid
 from baselines.studies.worlds import WORLDS, World, policy_for
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
@@ -25,16 +25,8 @@ from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.problem import CONTROLS
-from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
-
-_PYRAMID = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / np.sqrt(3.0)
-
-
-def _on_pyramid(satellite: Satellite) -> Satellite:
-    wheels = satellite.wheels
-    sheet = {name: float(getattr(wheels, name)[0]) for name in ("inertia", "max_torque", "max_speed")}
-    return satellite.replace(wheels=ReactionWheels(axes=_PYRAMID, **sheet))  # type: ignore[arg-type]
 
 
 def _benchmark() -> tuple[Satellite, ...]:
@@ -44,13 +36,13 @@ def _benchmark() -> tuple[Satellite, ...]:
 _OWN: Mapping[str, World] = {
     "full tensor": World(scenario={"tilt_std": 0.15}),
     "inertia off by 30 %": World(scenario={"inertia_std": 0.3}),
-    "pyramid of four": World(satellites=tuple(map(_on_pyramid, _benchmark()))),
-    "pyramid, full tensor": World(scenario={"tilt_std": 0.15}, satellites=tuple(map(_on_pyramid, _benchmark()))),
+    "pyramid of four": World(satellites=tuple(map(on_pyramid, _benchmark()))),
+    "pyramid, full tensor": World(scenario={"tilt_std": 0.15}, satellites=tuple(map(on_pyramid, _benchmark()))),
     "commands 1 sample late": World(scenario={"faults": Faults(torque_delay=(1, 1))}),
     "commands 3 samples late": World(scenario={"faults": Faults(torque_delay=(3, 3))}),
     "a wheel lost": World(scenario={"faults": Faults(wheel_loss=1.0)}),
     "pyramid, a wheel lost": World(
-        scenario={"faults": Faults(wheel_loss=1.0)}, satellites=tuple(map(_on_pyramid, _benchmark()))
+        scenario={"faults": Faults(wheel_loss=1.0)}, satellites=tuple(map(on_pyramid, _benchmark()))
     ),
 }
 _FLEXIBLE = (

@@ -68,7 +68,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     if SCENARIOS[scenario].operations is not None:
-        between: dict[str, list[Trial]] = {**loud, "rate_square": squares, **planned}
+        between: dict[str, list[Trial]] = {**loud, "rate_square": squares, **planned, "filter_mpc": rehearsed}
         return {
             "zero": [({}, ZeroPolicy())],
             "random": [({}, RandomPolicy())],

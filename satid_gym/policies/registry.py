@@ -10,6 +10,7 @@ from typing import Any
 
 from satid_gym.config import unknown_name
 from satid_gym.policies import grids
+from satid_gym.policies.clear_square import ClearSquarePolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.greedy import GreedyPolicy
 from satid_gym.policies.mpc import MPCPolicy
@@ -80,6 +81,7 @@ RATE_BASELINES: dict[str, Baseline] = {
     "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False),
     "operator": Baseline(make=OperatorPolicy, tuned=False),
     "swing_between": Baseline(make=SwingBetweenPolicy, tuned=False),
+    "clear_square": Baseline(make=ClearSquarePolicy, tuned=False),
 }
 """Baselines for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)

@@ -10,9 +10,10 @@ k, the bandwidth, is low enough for the phase of a late command to leave every b
 opposes the rate at its own place takes energy out of a mode as long as it is less than a quarter of the mode's period
 late. A change of omega_ref leaves a mode ringing by how steep it is; a scenario's `reference_slope` is the steepest.
 N projects on the torques that cancel each other; of more than three wheels those that turn against each other
-are brought to share the momentum evenly. Where all that takes more than the motors have, the error is reduced axis by
-axis (`allocation.within_reach`). What the motors are commanded allows for a weak one and for friction, as their wheels
-have shown them (`core.control.motors`).
+are brought to share the momentum evenly. Where operators avoid a band of wheel speed, N h - z v takes the place of N h,
+which keeps them out of it (`core.control.null_motion`). Where all that takes more than the motors have, the error is
+reduced axis by axis (`allocation.within_reach`). What the motors are commanded allows for a weak one and for friction,
+as their wheels have shown them (`core.control.motors`).
 
 Only belief and readings are used. Source: Wie, Space Vehicle Dynamics and Control (2008), ch. 7, for the law; Preumont,
 Vibration Control of Active Structures (2011), ch. 4, for what delay does to collocated control.
@@ -40,11 +41,13 @@ from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control import motors
 from satid_gym.core.control.allocation import allocate, storable, within_reach
 from satid_gym.core.control.motors import motors_dtype
+from satid_gym.core.control.null_motion import choose, null_dtype
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.wheels import sum_wheels
 
 _EVEN_OUT = 20.0  # T_N, s
+_AWAY = 5.0  # T_N where wheels are kept out of a band, s
 _HEALTHY = 0.6  # gain of each motor without which torques would not cancel each other
 
 
@@ -64,6 +67,7 @@ def tracking_dtype(n: int) -> np.dtype:
             ("slope", FLOAT),  # at which omega_ref moves there, rad/s^2; 0: at once
             ("eased", FLOAT, 3),  # omega_ref of the last sample where it has a slope, rad/s
             ("motors", motors_dtype(n)),
+            ("null", null_dtype(n)),
             ("scratch", FLOAT, (2, n)),
         ],
         align=True,
@@ -95,12 +99,18 @@ def _share_by_gain(s, axes, limit):
 
 
 @inline
-def _even_out(s, axes, torque):
-    """Add torques that cancel each other and even out the wheels' momenta, as far as the motors have some left."""
+def _even_out(s, axes, momentum, torque):
+    """Add torques that cancel each other: they even out the wheels' momenta, or keep wheels out of a band of speed.
+
+    They take what the motors have left.
+    """
     total, limit = sum_wheels(axes, s.motors.spin), s.reach
-    left = 1.0
+    left, bias, time = 1.0, 0.0, _EVEN_OUT
+    if s.null.on != 0:
+        bias, time = choose(s.null, s.allocation, s.spin_max, momentum), _AWAY
     for k in range(torque.shape[0]):
-        s.scratch[0, k] = (allocate(s.allocation, total, k) - s.motors.spin[k]) / _EVEN_OUT
+        wanted = allocate(s.allocation, total, k) + bias * s.null.direction[k]
+        s.scratch[0, k] = (wanted - s.motors.spin[k]) / time
         wanted = torque[k] + s.scratch[0, k]
         if abs(wanted) > limit[k]:
             left = min(left, max(limit[k] - abs(torque[k]), 0.0) / abs(s.scratch[0, k]))
@@ -143,5 +153,5 @@ def track(task, belief, gyro, tachometer, dt, torque):
     for k in range(n):
         torque[k] = min(max(torque[k] + allocate(s.sharing, push, k), -s.reach[k]), s.reach[k])
     if n > 3 and weakest > _HEALTHY:
-        _even_out(s, axes, torque)
+        _even_out(s, axes, momentum, torque)
     motors.command(task, torque)
