@@ -71,6 +71,7 @@ def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
         observation=s.observation,
         include_walk=s.include_walk,
         repeat=s.repeat,
+        spares_modes=s.spares_modes,
     )
 
 
