@@ -105,7 +105,8 @@ class ModeLimit:
             ringing = {name: value[rings] for name, value in modal.items()}
             most = np.argmax(np.abs(ringing["state"]) / ringing["limit"], axis=1)
             along = ringing["direction"][np.arange(len(rings)), most]
-            choices = np.clip(held[rings, None] + _DAMPING[:, None] * along[:, None], -1.0, 1.0)
+            edge = self._margin(observation, np.ones(3))[rings, None]
+            choices = np.clip(held[rings, None] + _DAMPING[:, None] * along[:, None], -edge, edge)
             best = np.argmin(_peaks(choices, body[rings], ringing, self._lag), axis=1)
             action[rings] = choices[np.arange(len(rings)), best]
         return action
