@@ -9,6 +9,7 @@ import pytest
 
 from agents.training.graph.export import graph
 from agents.training.ppo import PPOSettings
+from agents.training.sb3.switches import SwitchedVecEnv, reversed_sides, with_reversals
 from agents.training.train import named
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import RateMargin
@@ -90,6 +91,38 @@ def test_it_is_refused_where_modes_are_not_observed():
         ModeLimit([only_mission(problem("microsat", "static", "slosh"))], 3.5)
     with pytest.raises(ValueError, match="--tracked"):
         PPOSettings(spares_modes=True)
+
+
+def test_layers_of_reversals_turn_each_axis_to_the_other_side():
+    rng = np.random.default_rng(4)
+    shapes = [(8, 7), (6, 8), (3, 6)]
+    weights = tuple(rng.standard_normal(shape).astype(np.float32) for shape in shapes)
+    logits = Network(weights, tuple(rng.standard_normal(shape[0]).astype(np.float32) for shape in shapes))
+    seen = rng.uniform(-1.0, 1.0, (400, 7))
+    found, command = logits(seen), seen[:, 2:5]
+    clear = (np.abs(found) > 0.3).all(axis=1) & (np.abs(np.abs(command) - 0.05) > 0.3).all(axis=1)
+    assert clear.sum() > 20
+    sides = reversed_sides(command, (found > 0.0).astype(int))
+    np.testing.assert_array_equal(sides[clear], (np.sign(command) * -np.sign(found))[clear])
+    np.testing.assert_allclose(with_reversals(logits, slice(2, 5))(seen)[clear], sides[clear], atol=2e-3)
+    with pytest.raises(ValueError, match="3 outputs"):
+        with_reversals(Network(weights[:2], logits.biases[:2]), slice(2, 5))
+
+
+def test_reversals_that_are_always_made_are_a_square_wave():
+    given = GIVEN | {"scenario": {"name": "default", "horizon": 20.0}, "margin": 3.5}
+    env, other = SwitchedVecEnv(2, repeat=5, reversals=True, **given), RateCommandVecEnv(2, **given)
+    for each in (env, other):
+        each.seed(7)
+        each.reset()
+    for side in (-1.0, 1.0, -1.0):
+        for _ in range(5):
+            expected = other.step(np.tile(side * np.array([1.0, -1.0, 1.0]), (2, 1)))[0]
+        np.testing.assert_array_equal(env.step(np.ones((2, 3), int))[0], expected)
+    env.close()
+    other.close()
+    with pytest.raises(ValueError, match="--switches --tracked"):
+        PPOSettings(reversals=True)
 
 
 def test_settings_of_slosh_spare_its_tank():

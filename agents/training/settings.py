@@ -173,6 +173,8 @@ class RLSettings(Task):
     switches: bool = False
     """Whether the network says to which side to turn at full rate, or to rest, see `agents.training.sb3.switches`; for
     PPO and control rate."""
+    reversals: bool = False
+    """Whether these switches say for each axis to reverse, and not to which side; for rates that are `tracked`."""
     repeat: int = 1
     """Decisions for which a command is repeated; more than one goes with switches."""
     include_covariance: bool = True
@@ -203,6 +205,8 @@ class RLSettings(Task):
             raise ValueError("modes are spared where they are observed: add --tracked --observation body")
         if self.switches and (self.control != "rate" or self.algorithm != "ppo"):
             raise ValueError("switches are of rates that PPO commands: train with --control rate and PPO")
+        if self.reversals and not (self.switches and self.tracked):
+            raise ValueError("reversals are switches beside the command that is observed: add --switches --tracked")
         if self.repeat > 1 and not self.switches:
             raise ValueError("commands are repeated where they are switches: add --switches, or leave repeat at 1")
         for name in ("repeat", "steps", "num_envs", "batch_size", "evaluate_every"):

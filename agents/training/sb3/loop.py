@@ -52,7 +52,7 @@ def environment(settings: RLSettings) -> RateCommandVecEnv:
         "spares_modes": s.spares_modes,
     }
     if s.switches:
-        return SwitchedVecEnv(s.num_envs, repeat=s.repeat, **given)
+        return SwitchedVecEnv(s.num_envs, repeat=s.repeat, reversals=s.reversals, **given)
     return RateCommandVecEnv(s.num_envs, **given)
 
 
