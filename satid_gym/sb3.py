@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
+from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.policy import missions
 from satid_gym.vector import SatInertiaIDVectorEnv
@@ -139,16 +140,21 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
     Args:
         num_envs: number of environments.
         margin: of the rate loop, see `satid_gym.control.rate_loop`; None means that actions are the environment's own.
+        spares_modes: whether commands are changed so that panels and tanks stay inside their limit, see
+            `satid_gym.control.mode_limit`.
         **settings: of `SatInertiaIDVecEnv`.
 
     Attributes:
         seconds: time spent in the environments and the rate loop so far.
     """
 
-    def __init__(self, num_envs: int, *, margin: float | None = 2.6, **settings: Any) -> None:
+    def __init__(
+        self, num_envs: int, *, margin: float | None = 2.6, spares_modes: bool = False, **settings: Any
+    ) -> None:
         super().__init__(num_envs, **settings)
         self.seconds = 0.0
-        self._loop = None if margin is None else rate_loop(missions(self.vector_env.problem), margin)
+        flown = missions(self.vector_env.problem)
+        self._loop = None if margin is None else (ModeLimit if spares_modes else rate_loop)(flown, margin)
         self._observations = np.empty((num_envs, 0), np.float32)  # until reset
         self._rows = np.full(num_envs, -1)
         if self._loop is not None:
@@ -179,8 +185,14 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
         self.seconds += time.perf_counter() - start
         return result
 
+    def state(self) -> dict[str, np.ndarray]:
+        """State from which `restore` continues exactly."""
+        return super().state() | ({"sheets": self._loop.state()} if isinstance(self._loop, ModeLimit) else {})
+
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Return to a `state`."""
         super().restore(state)
+        if isinstance(self._loop, ModeLimit):
+            self._loop.restore(state["sheets"])
         self._observations = state["observations"].copy()
         self._rows = np.full(self.num_envs, -1)

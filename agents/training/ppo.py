@@ -6,12 +6,13 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import ClassVar
 
+import torch
 from stable_baselines3 import PPO
 
 from agents.training.clocks import set_clocks
 from agents.training.run import Run, network_of
 from agents.training.sb3.loop import AfterUpdate, Training, environment
-from agents.training.sb3.switches import with_switches
+from agents.training.sb3.switches import FIRST_LOGIT, with_reversals, with_switches
 from agents.training.settings import RLSettings
 from satid_gym.policies.learned import LearnedPolicy
 
@@ -60,7 +61,9 @@ class ExcitationPPO(AfterUpdate, PPO):
 def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
     network, s = network_of([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
-    if s.switches:
+    if s.reversals:
+        network = with_reversals(network, model.get_env().vector_env.problem.layout["command"])
+    elif s.switches:
         network = with_switches(network)
     return LearnedPolicy(
         s.name,
@@ -71,6 +74,7 @@ def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
         observation=s.observation,
         include_walk=s.include_walk,
         repeat=s.repeat,
+        spares_modes=s.spares_modes,
     )
 
 
@@ -99,6 +103,8 @@ def train(run: Run) -> PPO:
             seed=s.seed,
             device="cpu",
         )
+        if s.reversals:
+            torch.nn.init.constant_(model.policy.action_net.bias, FIRST_LOGIT)
         if s.clocks:
             for net in (model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net):
                 set_clocks(net[0], env.vector_env.problem)

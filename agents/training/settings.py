@@ -168,9 +168,13 @@ class RLSettings(Task):
     observation: Form = "wheels"
     """What the network sees of the wheels: each one, or what they do to the "body", with the modes of panels and
     tanks; that one goes with `tracked`."""
+    spares_modes: bool = False
+    """Whether commands are changed so that panels and tanks stay inside their limit; goes with `tracked` and "body"."""
     switches: bool = False
     """Whether the network says to which side to turn at full rate, or to rest, see `agents.training.sb3.switches`; for
     PPO and control rate."""
+    reversals: bool = False
+    """Whether these switches say for each axis to reverse, and not to which side; for rates that are `tracked`."""
     repeat: int = 1
     """Decisions for which a command is repeated; more than one goes with switches."""
     include_covariance: bool = True
@@ -197,8 +201,12 @@ class RLSettings(Task):
             raise ValueError("tracked is of rates: a network that commands torque needs --control rate for it")
         if self.observation == "body" and self.control == "rate" and not self.tracked:
             raise ValueError("the policy's own rate loop needs the speed of each wheel: add --tracked for body")
+        if self.spares_modes and not (self.tracked and self.observation == "body"):
+            raise ValueError("modes are spared where they are observed: add --tracked --observation body")
         if self.switches and (self.control != "rate" or self.algorithm != "ppo"):
             raise ValueError("switches are of rates that PPO commands: train with --control rate and PPO")
+        if self.reversals and not (self.switches and self.tracked):
+            raise ValueError("reversals are switches beside the command that is observed: add --switches --tracked")
         if self.repeat > 1 and not self.switches:
             raise ValueError("commands are repeated where they are switches: add --switches, or leave repeat at 1")
         for name in ("repeat", "steps", "num_envs", "batch_size", "evaluate_every"):

@@ -19,6 +19,7 @@ from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, check_integer, check_number, unknown_name
 from satid_gym.control.decoded_observation import check_observation
+from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
 from satid_gym.files import read_json, write_bytes, write_text
@@ -29,7 +30,7 @@ from satid_gym.problem import CONTROLS
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_OWN = ("name", "control", "margin", "include_covariance", "observation", "include_walk", "repeat")
+_OWN = ("name", "control", "margin", "include_covariance", "observation", "include_walk", "repeat", "spares_modes")
 _HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
@@ -111,11 +112,11 @@ class LearnedPolicy:
         observation: form of the network's observations, "wheels" or "body".
         include_walk: whether they include the random walk of the inertia that the filter uses.
         repeat: decisions for which each command of the network is repeated.
+        spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
 
     Raises:
-        ValueError: control or observation is unknown, the name has invalid characters, the margin is not a finite
-            number of at least 0, include_covariance or include_walk is not a bool, repeat is not an integer of at
-            least 1, or a network that commands rates has other than 3 outputs.
+        ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is none or
+            out of range, or a network that commands rates has other than 3 outputs.
     """
 
     kind: Kind = "learned"
@@ -131,11 +132,11 @@ class LearnedPolicy:
         observation: Form = "wheels",
         include_walk: bool = False,
         repeat: int = 1,
+        spares_modes: bool = False,
     ) -> None:
-        if control not in CONTROLS:
-            raise unknown_name("control of a learned policy", control, CONTROLS)
-        if observation not in get_args(Form):
-            raise unknown_name("observation of a learned policy", observation, get_args(Form))
+        for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
+            if given not in known:
+                raise unknown_name(f"{what} of a learned policy", given, known)
         self.observation: Form = observation
         margin = check_number("margin of a learned policy", margin)
         if control == "rate" and network.weights[-1].shape[0] != 3:
@@ -143,6 +144,7 @@ class LearnedPolicy:
         check_name(name)
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
         self.include_walk = check_flag("include_walk of a learned policy", include_walk)
+        self.spares_modes = check_flag("spares_modes of a learned policy", spares_modes)
         self.name, self.network, self.control, self.margin = name, network, control, margin
         self.repeat, self.details = check_integer("repeat of a learned policy", repeat), dict(details or {})
 
@@ -166,16 +168,13 @@ class LearnedPolicy:
                 f"include_covariance={self.include_covariance} and include_walk={self.include_walk}"
             )
         if self.control == "torque" and mission.control == "rate":
-            raise ValueError(
-                f"policy {self.name} commands wheel torque, this environment takes body rates: make it with "
-                'control="torque"'
-            )
+            raise ValueError(f'policy {self.name} commands wheel torque, not body rates: make it with control="torque"')
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
-        self._loop = rate_loop([mission], self.margin) if self.control == "rate" else None
-        self._layout = mission.layout
-        self._decisions = 0
+        loop = ModeLimit if self.spares_modes else rate_loop
+        self._loop = loop([mission], self.margin) if self.control == "rate" else None
+        self._layout, self._decisions = mission.layout, 0
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n).
@@ -193,8 +192,7 @@ class LearnedPolicy:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
         own, digest = [getattr(self, name) for name in _OWN], hashlib.sha256(tensors).hexdigest()
-        values = (FORMAT, *own, self.network.activation, self.network.squashed, digest)
-        head = dict(zip(_HEAD, values, strict=True))
+        head = dict(zip(_HEAD, (FORMAT, *own, self.network.activation, self.network.squashed, digest), strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
         write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
 
@@ -227,7 +225,7 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
+            later = {"observation": "wheels", "include_walk": False, "repeat": 1, "spares_modes": False}  # likewise
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

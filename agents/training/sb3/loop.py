@@ -49,9 +49,10 @@ def environment(settings: RLSettings) -> RateCommandVecEnv:
         "control": s.actions,
         "observation": s.observation,
         "include_walk": s.include_walk,
+        "spares_modes": s.spares_modes,
     }
     if s.switches:
-        return SwitchedVecEnv(s.num_envs, repeat=s.repeat, **given)
+        return SwitchedVecEnv(s.num_envs, repeat=s.repeat, reversals=s.reversals, **given)
     return RateCommandVecEnv(s.num_envs, **given)
 
 
