@@ -129,3 +129,12 @@ def test_settings_of_slosh_spare_its_tank():
     settings = named("slosh_ppo")
     assert settings.scenario == "slosh"
     assert settings.spares_modes
+
+
+def test_spared_square_keeps_a_tank_inside_where_shaped_square_does_not():
+    cell = Cell(scenario="slosh", satellite="microsat", inertia="periodic")
+    flights = {name: flown(cell, build(name, {}), seeds("validation", 6)) for name in ("spared_square", "shaped_square")}
+    costs = {name: flight.costs.mean(axis=0).max() for name, flight in flights.items()}
+    assert flights["spared_square"].inside(0.01)
+    assert costs["spared_square"] < 0.2 * costs["shaped_square"]
+    assert flights["spared_square"].expected.mean() < flights["shaped_square"].expected.mean()

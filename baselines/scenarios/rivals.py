@@ -29,6 +29,7 @@ AMPLITUDES = np.geomspace(0.01, 0.95, 20).round(3).tolist()  # of the rate limit
 _COARSE = 3  # of which every so many are tried where episodes are long: 0.013 to 0.95, a factor of 2 apart
 _INSIDE = -1.0  # ranks before any share of episodes that ended
 PERIODS = (12.0, 24.0, 48.0, 96.0, 192.0)  # s
+SPARED = (8.0, 12.0, 16.0, 24.0, 48.0)  # s, periods of `spared_square`
 SHAPES = [
     {"period": period, "share": share, "dwell": dwell, "amplitude": amplitude}
     for period in (12.0, 24.0, 48.0)
@@ -63,6 +64,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         for period in PERIODS
         for a in amplitudes
     ]
+    spared: list[Trial] = [({"period": period}, build("spared_square", {"period": period})) for period in SPARED]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
     rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
@@ -81,7 +83,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         "random": [({}, RandomPolicy())],
         **loud,
         "rate_square": squares,
-        **({"shaped_square": shaped, "filter_mpc": rehearsed} if _has_limit(scenario) else {}),
+        **({"spared_square": spared, "shaped_square": shaped, "filter_mpc": rehearsed} if _has_limit(scenario) else {}),
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
         **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
     }

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
+from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
+from satid_gym.core.observation import Form
 from satid_gym.policy import Kind, Mission
 from satid_gym.satellite import Satellite
 
@@ -23,27 +25,32 @@ _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period
 class RateSquarePolicy:
     """Tracks staggered square waves of body rate.
 
+    As `spared_square` each command goes only as far as panels and tanks stay inside their limit.
+
     Args:
         period: period of the square wave, s.
         margin: margin of the rate loop, see `RateLoop`.
         slews: least period over the time in which the slowest axis turns from rest to its limit, so that one setting
             does for satellites that are quick and slow.
+        spares_modes: whether it is `spared_square`, see `satid_gym.control.mode_limit`; for control "rate" alone.
 
     Raises:
         ValueError: the period is not positive, or the margin or slews is negative.
     """
 
-    name = "rate_square"
     kind: Kind = "closed_loop"
 
-    def __init__(self, period: float, margin: float, slews: float = 0.0) -> None:
+    def __init__(self, period: float, margin: float, slews: float = 0.0, *, spares_modes: bool = False) -> None:
+        self.name = "spared_square" if spares_modes else "rate_square"
+        self.observation: Form = "body" if spares_modes else "wheels"  # which has the modes
+        self._make_loop = ModeLimit if spares_modes else rate_loop
         self.period = check_number("period", period, strict=True)
         self.margin = check_number("margin", margin)
         self.slews = check_number("slews", slews)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the rate loop for the satellite."""
-        self._loop = rate_loop([mission], self.margin)
+        self._loop = self._make_loop([mission], self.margin)
         self._duration = mission.scenario.decision_period
         self._decision = 0
         satellite, wheels = mission.satellite, mission.satellite.wheels

@@ -39,6 +39,10 @@ def _staggered_square(amplitude: float, period: float) -> ScriptedPolicy:
     return ScriptedPolicy("staggered_square", functools.partial(staggered_square, period=period), amplitude)
 
 
+def _spared_square(period: float = 12.0, margin: float = 3.5) -> RateSquarePolicy:
+    return RateSquarePolicy(period, margin, spares_modes=True)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
     """Entry of the registry.
@@ -77,6 +81,7 @@ BASELINES: dict[str, Baseline] = {
 }
 RATE_BASELINES: dict[str, Baseline] = {
     "shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False),
+    "spared_square": Baseline(make=_spared_square, tuned=False),
     "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
     "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False),
     "operator": Baseline(make=OperatorPolicy, tuned=False),
