@@ -62,7 +62,17 @@ def pilot_of(kind, pyramid):
     return Pilot(satellite, policy, scenario=scenario, control="rate" if kind.endswith("rate") else "torque")
 
 
-KINDS = ["generalist", "multi_step", "pyramid", "pyramid_rate", "pyramid_band_rate", "paper", "faults", "tolerances", "panels"]
+KINDS = [
+    "generalist",
+    "multi_step",
+    "pyramid",
+    "pyramid_rate",
+    "pyramid_band_rate",
+    "paper",
+    "faults",
+    "tolerances",
+    "panels",
+]
 
 
 @cases("kind", KINDS)
