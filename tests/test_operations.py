@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import numpy as np
@@ -20,7 +19,6 @@ from satid_gym.evaluation import seeds
 from satid_gym.fleet import Fleet
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.operations import Operations
-from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.swing_between import SwingBetweenPolicy
@@ -333,15 +331,6 @@ def test_a_policy_in_the_gaps_flies_as_it_would_alone():
     action = gaps(observation)[0]
     assert action[0] > 0.1
     assert not action[1:].any()
-
-
-def test_a_planner_in_the_gaps_is_shown_the_filter_that_flies():
-    """`filter_mpc` cannot plan without it."""
-    policy = InTheGaps(FilterMPCPolicy(horizon=4, edits=2))
-    short = dataclasses.replace(CELL, scenario=SCENARIOS["operations"].replace(horizon=30.0))  # type: ignore[arg-type]
-    shown = flown(short, policy, seeds("tuning", 1))
-    idle = flown(short, OperatorPolicy(), seeds("tuning", 1))
-    assert shown.expected_at_end[0] < 0.5 * idle.expected_at_end[0]
 
 
 def test_operations_are_equal_by_value():

@@ -79,7 +79,7 @@ class ClearSquarePolicy:
         wheels, inertia = self._wheels, belief.inertia[i]
         speed = belief.wheel_momentum[i] / wheels.inertia
         at_rest = speed + self._share @ inertia @ belief.omega[i] / wheels.inertia
-        change = (_DIAGONALS * most) @ inertia @ self._share.T / wheels.inertia  # (4, n), to the end
+        change = (_DIAGONALS * most) @ inertia @ self._share.T / wheels.inertia  # (4, n), from rest to the end
         ends = at_rest - _GRID[None, :, None] * change[:, None, :]  # (4, grid, n)
         clear, side = self._clear(ends), np.sign(ends)
         same = (side[:, :, None] == side[:, None, :]).all(axis=-1)
