@@ -38,12 +38,14 @@ class RateSquarePolicy:
         ValueError: the period is not positive, or the margin or slews is negative.
     """
 
+    name = "rate_square"
     kind: Kind = "closed_loop"
+    observation: Form = "wheels"
 
     def __init__(self, period: float, margin: float, slews: float = 0.0, *, spares_modes: bool = False) -> None:
-        self.name = "spared_square" if spares_modes else "rate_square"
-        self.observation: Form = "body" if spares_modes else "wheels"  # which has the modes
         self._make_loop = ModeLimit if spares_modes else rate_loop
+        if spares_modes:
+            self.name, self.observation = "spared_square", "body"  # which has the modes
         self.period = check_number("period", period, strict=True)
         self.margin = check_number("margin", margin)
         self.slews = check_number("slews", slews)
