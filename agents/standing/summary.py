@@ -50,6 +50,7 @@ def row(task: Task, found: Mapping[str, Any], limit: float) -> Row:
         "expected_hi": high,
         "expected_at_end": _mean(result["expected_at_end"]),
         "nees": _mean(result["nees"]),
+        "nees_median": float(np.median(result["nees"])),
         "costs": result["costs"],
         "cost": max(result["costs"].values()),
         "terminated": result["terminated"] / len(result["error"]),
@@ -74,7 +75,7 @@ def ladder(rows: Sequence[Row]) -> list[Row]:
 
     The best is that with the least expected error, geometric mean over cells, of those inside all limits in every cell;
     where none is, the one that is inside in most. A policy that does not fly all cells is left out. `over_best` is its
-    error over that of the best rung below the oracle.
+    error over that of the best rung below the oracle, of those inside in every cell if there are any.
     """
     flown = [r for r in rows if r["policy"] != BOUND]
     cells = {(r["satellite"], r["inertia"]) for r in flown}
@@ -101,7 +102,9 @@ def ladder(rows: Sequence[Row]) -> list[Row]:
             )
         if judged:
             found.append(min(judged, key=lambda j: (-j["inside"], j["expected"] is None, j["expected"] or 0.0)))
-    best = min((r["expected"] for r in found if r["rung"] != ORACLE and r["expected"] is not None), default=None)
+    contenders = [r for r in found if r["rung"] != ORACLE and r["expected"] is not None]
+    kept = [r for r in contenders if r["inside"] == r["cells"]]
+    best = min((r["expected"] for r in kept or contenders), default=None)
     return [{**r, "over_best": None if best is None or r["expected"] is None else r["expected"] / best} for r in found]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym.gym_api import COSTS
+from satid_gym.metrics import SETTLING
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.vector import SatInertiaIDVectorEnv
 
@@ -31,7 +32,8 @@ class Flown:
         expected: relative error that the filter expects, geometric mean over the inertia's parameters and mean over
             the flight; infinite where it ended early.
         error: relative error at the end, or when it ended.
-        nees: normalised estimation error squared, mean over the time that was flown.
+        nees: normalised estimation error squared, mean over the time that was flown but for the 10 s after a step of
+            the inertia, as in `satid_gym.metrics.consistency`.
         costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
         terminated: whether it ended early; no cost says so.
         expected_at_end: relative error that the filter expects then; infinite where it ended early.
@@ -73,7 +75,7 @@ def flown(
     count, steps = len(seeds), env.problem.scenario.decisions
     alive, error = np.ones(count, bool), np.zeros(count)
     expected, nees, costs = np.zeros(count), np.zeros(count), np.zeros((count, len(COSTS)))
-    now, lived = np.zeros(count), np.zeros(count)
+    now, lived, judged = np.zeros(count), np.zeros(count), np.zeros(count)
     for _ in range(steps):
         if told is not None:
             observation = told(env, observation)
@@ -83,11 +85,21 @@ def flown(
         error = np.where(alive, _error(env), error)
         now = np.where(alive, _expected(env), np.inf)
         expected += now / steps
-        nees += np.where(alive, info["nees"], 0.0)
+        settled = alive & ~_settles(env)
+        judged += settled
+        nees += np.where(settled, info["nees"], 0.0)
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
         alive &= ~terminated
     env.close()
-    return Flown(expected, error, nees / lived, costs / lived[:, None], ~alive, np.where(alive, now, np.inf))
+    return Flown(
+        expected, error, nees / np.maximum(judged, 1), costs / lived[:, None], ~alive, np.where(alive, now, np.inf)
+    )
+
+
+def _settles(env: SatInertiaIDVectorEnv) -> np.ndarray:
+    """Whether (N,) the inertia has stepped a moment ago."""
+    plants = env.fleet.rows.plants
+    return (plants["stepped"] == 1) & (plants["time"] <= plants["law_time"] + SETTLING)
 
 
 def _expected(env: SatInertiaIDVectorEnv) -> np.ndarray:

@@ -59,8 +59,9 @@ const COLUMNS = [
       "The bound, where there is one, is that which no estimator beats under any excitation inside the envelope.",
   },
   {
-    key: "nees", label: "NEES", value: (row) => (row.nees === null ? "-" : row.nees.toFixed(2)),
-    meaning: "Squared error over what the filter itself expects, per parameter. About 1: the filter is honest. Far above 1: it claims more than it knows.",
+    key: "nees", label: "NEES\n(median)", value: (row) => (row.nees === null ? "-" : `${digits3(row.nees)} (${digits3(row.nees_median)})`),
+    meaning: "Squared error over what the filter itself expects, per parameter: mean over episodes, without the 10 s after a step of " +
+      "the inertia, and median. About 1: the filter is honest. Far above 1: it claims more than it knows.",
   },
   ...unique(data.rows.flatMap((row) => Object.keys(row.costs ?? {}))).map((name) => ({
     key: `cost ${name}`, label: `${name.replace("_", " ")}\n%`, meaning: `Cost "${name}": share of the time beyond its limit.`,
