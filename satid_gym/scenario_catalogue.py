@@ -89,6 +89,7 @@ SCENARIOS: dict[str, Scenario] = {
             name="operations",
             horizon=600.0,
             torque_noise=0.01,
+            tachometer_noise_std=0.01,
             wheel_speed_range=0.4,
             tolerances=_UNCALIBRATED,
             sensors=Sensors(

@@ -8,13 +8,9 @@ omega, as of a gyro's bias, then makes a reading look like information on theta 
 
 with e all errors of the wheels' momentum, and with what `modes` add to it, a reading has no derivative by theta, and
 only a change of the rate in time, by the wheels, tells of it. So the mean is moved in (omega, theta, ...),
-M = J omega + a follows, and the covariance of M is taken to the new omega and J.
-
-The rate at which derivatives are taken, `reference_rate` r, follows these corrections. It follows the most likely rate
-y at once where that is further from it than the noise of the tachometers, and else slowly, r += g (y - r). Noise so
-smoothed is hardly any excitation, and as r^2 does not grow for ever the mean of r (y - r), r before and y after, is
--g / 2 mean(y - r)^2, next to nothing: r is as large as what it shows of the motion. A reference that stayed where it is
-within the noise could stand off the rate by several standard deviations for minutes: motion that never was.
+M = J omega + a follows, and the covariance of M is taken to the new omega and J. The rate at which derivatives are
+taken, `reference_rate`, follows these corrections; it follows the motion where that is beyond the noise of the
+tachometers, which are no excitation.
 Source: this project's design; its model is the invariant EKF, Barrau and Bonnabel, The invariant extended Kalman filter
 as a stable observer (2017), where errors are chosen so that what cannot be observed does not depend on the estimate.
 """
@@ -27,14 +23,13 @@ from satid_gym.core.belief.kalman import estimated_inertia, inertia_of, propagat
 from satid_gym.core.jit import inline, outline
 
 EXCITATION_SIGMAS = 5.0  # standard deviations within which a rate, or its change, counts as noise, not excitation
-_FOLLOWING = 0.1  # g: of 0.03, 0.1 and 0.3 the one at which NEES is nearest to 1 in `operations` without torque noise
 
 
 @inline
 def _moved(rate, likely, spin):
-    """`likely` where it is further off `rate` than the noise of two readings, each of variance spin; else nearer it."""
+    """`likely` where it differs from `rate` by more than the noise of two readings, each of variance spin."""
     change = likely - rate
-    return likely if change * change > EXCITATION_SIGMAS**2 * 2.0 * spin else rate + _FOLLOWING * change
+    return likely if change * change > EXCITATION_SIGMAS**2 * 2.0 * spin else rate
 
 
 @inline

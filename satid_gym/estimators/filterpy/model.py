@@ -148,7 +148,7 @@ class MomentumModel:
     def likely_rate(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """The rate that prediction and reading make most likely, (3,); 0 where that is within its noise.
 
-        In rate coordinates, the reference: there where the change is more than noise, else a tenth of the way nearer.
+        In rate coordinates, the reference, which moves there where the change is more than noise.
         """
         J_inv = np.linalg.inv(self.inertia(x))
         spin = J_inv @ self.spin_covariance @ J_inv
@@ -156,7 +156,7 @@ class MomentumModel:
         likely = self.rate(x, a) + spin @ np.linalg.solve(noise, gyro - self.reading(x, a))
         if self.rate_coordinates:
             moved = (likely - self.reference) ** 2 > 50.0 * np.diag(spin)
-            self.reference = np.where(moved, likely, self.reference + 0.1 * (likely - self.reference))
+            self.reference = np.where(moved, likely, self.reference)
             return self.reference
         likely[likely**2 <= 25.0 * np.diag(spin) * (1.0 - np.diag(spin) / np.diag(noise))] = 0.0
         return likely
