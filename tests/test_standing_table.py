@@ -8,7 +8,7 @@ import pytest
 
 from agents.docs.world_tables import ladders_table
 from agents.standing import table as standing
-from agents.standing.replay import pair
+from agents.standing.replay import pair, replay
 from agents.standing.summary import ladder, row
 from agents.standing.tasks import BOUND, ORACLE, Episodes, misfit, tasks_of
 from baselines.command.cli import exit_code
@@ -181,6 +181,22 @@ def test_the_best_of_a_kind_is_inside_in_every_cell():
     )
     assert "**`rate_square` 1 (1.00)**" in text
     assert "`mpc`\\* ended early" in text
+
+
+def test_a_flight_that_ends_early_is_the_shorter_one_of_a_replay():
+    cell = Cell(scenario="flex", satellite="microsat", inertia="static")
+    steps = [
+        {"rung": rung, "policy": name, "cells": 1, "inside": 1, "expected": 0.1}
+        for rung, name in (("law", "zero"), ("planner", "random"))
+    ]
+    for seed in seeds("validation", 8):
+        shown = replay(cell, tasks_of(cell, FEW, []), steps, seed)
+        full, short = (len(flight["error"]) for flight in shown["flights"])
+        if short < full:
+            break
+    assert short < full == len(shown["time"]) == len(shown["inertia"][0])
+    assert shown["shown"] == ["zero", "random"]
+    assert max(abs(d) for d in shown["flights"][1]["deflection"][0]) > 3.0, "why it ended, in limits"
 
 
 # the command

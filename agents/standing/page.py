@@ -41,6 +41,7 @@ def page(values: Mapping[str, Any], episodes: Mapping[str, Any]) -> str:
     scripts = [*(text(SHARED, name) for name in _SHARED_SCRIPTS), text(ASSETS, "standing.js")]
     return template.substitute(
         style=text(SHARED, "page.css"),
+        flight=text(SHARED, "flight.html"),
         plotly=f"/* plotly.js\n{text(SHARED, 'plotly-LICENSE')}*/\n{text(SHARED, 'plotly-basic.min.js')}",
         script="\n".join(scripts),
         data=json.dumps(page_data(values, episodes), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),

@@ -35,31 +35,30 @@ def replay(cell: Cell, tasks: Sequence[Task], steps: Sequence[Row], seed: int) -
 
     Args:
         cell, seed: which episode.
-        tasks: of the table; of learned policies they say which fly there.
+        tasks: of the table, which have the policies.
         steps: ladder of the scenario.
 
     Returns:
         As of `agents.benchmark.report.episode.fly_episode`, and `sky`: what the star tracker and the payload see. Each
-        flight has `tracks` (T,) and `missed` (T,) too, and `deflection` (c, T) of modes over their limits.
+        flight has `tracks` (T,) and `missed` (T,) too, and `deflection` (c, T) of modes over their limits. A flight
+        that ends early is shorter than `time`, which is that of the longest.
     """
     known = {task.name: task for task in tasks if task.cell == cell}
-    flights, common = [], {}
+    flights: list[dict[str, Any]] = []
+    common: dict[str, Any] = {"time": []}
     for name in pair(steps):
-        if name not in known:
-            continue
         task = known[name]
-        policy = task.policy
-        assert policy is not None
-        series, common = _fly(cell, policy, seed)
+        assert task.policy is not None
+        series, own = _fly(cell, task.policy, seed)
         flights.append({"policy": name, "kind": task.kind, **series})
-    longest = max(len(flight["error"]) for flight in flights)
+        if len(own["time"]) > len(common["time"]):  # the longest flight has seen most of the truth
+            common = own
     return {
         **common,
         "satellite": cell.satellite,
         "inertia_mode": cell.inertia,
         "seed": seed,
         "shown": [flight["policy"] for flight in flights],
-        "time": common["time"][:longest],
         "flights": flights,
     }
 
@@ -73,12 +72,12 @@ def _fly(cell: Cell, policy: Policy, seed: int) -> tuple[dict[str, Any], dict[st
     policy.reset(mission, [seed])
     observation, _ = env.reset(seed=[seed])
     rows, world = env.fleet.rows, env.problem.scenario
-    kept, over = [_state(rows)], False
+    kept = [_state(rows)]
     for _ in range(world.decisions):
         show_filter(policy, rows.beliefs, rows.tasks)
         observation, _, ended, _, info = env.step(policy(observation))
         kept.append({**_state(rows), "missed": float(info["costs"]["window"][0])})
-        if over := bool(ended[0]):
+        if ended[0]:
             break
     env.close()
     series = {name: np.array([state[name] for state in kept]) for name in kept[0]}
@@ -93,10 +92,9 @@ def _fly(cell: Cell, policy: Policy, seed: int) -> tuple[dict[str, Any], dict[st
         "rate_limit": satellite.rate_limit,
         "wheel_axes": satellite.wheels.axes.T.tolist(),
         "wheel_speed_limit": satellite.wheels.max_speed.tolist(),
-        "time": (world.decision_period * np.arange(world.decisions + 1)).tolist(),
+        "time": (world.decision_period * np.arange(len(kept))).tolist(),
         "inertia": [rounded(column, 6) for column in series["truth"].T],
         "sky": _sky(cell.scenario, series),
-        "terminated": over,
     }
     return flight, common
 

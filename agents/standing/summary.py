@@ -112,10 +112,7 @@ def show(scenario: str, steps: Sequence[Row]) -> None:
     """Print the ladder of a scenario."""
     print(f"\n{scenario}: expected error, mean over the flight and geometric over cells")
     for step in steps:
-        error, over = ("-" if v is None else f"{k * v:.{d}f}" for v, k, d in _figures(step))
+        error = "-" if step["expected"] is None else f"{100.0 * step['expected']:.4f}"
+        over = "-" if step["over_best"] is None else f"{step['over_best']:.2f}"
         kept = f"inside in {step['inside']} of {step['cells']} cells, NEES honest in {step['honest']}"
         print(f"  {RUNGS[step['rung']]:12s} {step['policy']:16s} {error:>8s} %  {over:>6s} of the best  {kept}")
-
-
-def _figures(step: Row) -> list[tuple[float | None, float, int]]:
-    return [(step["expected"], 100.0, 4), (step["over_best"], 1.0, 2)]

@@ -84,6 +84,7 @@ def page(results: Mapping[str, Any], curves: Mapping[str, Any]) -> str:
     return template.substitute(
         scenario=html.escape(results["settings"]["scenario"]),
         style=(ASSETS / "page.css").read_text(encoding="utf-8"),
+        flight=(ASSETS / "flight.html").read_text(encoding="utf-8"),
         plotly=f"/* plotly.js\n{licence}*/\n{plotly}",
         script="\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS),
         data=json.dumps(page_data(results, curves), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),

@@ -121,8 +121,8 @@ function showCell() {
   byId("cell-note").textContent =
     `A star marks a policy with a cost above ${limit} or an episode that ended early; bold is the least expected error of ` +
     "those inside. The heads of the columns sort. Baselines have the settings that tuning seeds gave for the satellite in the scenario.";
-  const out = Object.keys(data.left_out[chosen.scenario]);
-  byId("left-out").textContent = out.length ? `Learned policies that do not fly here, for they were trained with another observation: ${out.join(", ")}.` : "";
+  const out = Object.values(data.left_out[chosen.scenario]);
+  byId("left-out").textContent = out.length ? `Learned policies that do not fly here: ${out.join("; ")}.` : "";
   const measure = { key: "expected", interval: "expected", label: "expected error" };
   const flown = all.filter((row) => row.kind !== "bound");
   showTradeOff("cost-chart", flown, measure, { key: "cost", scale: 100, title: "largest cost, %", line: 100 * data.most_beyond });

@@ -66,7 +66,6 @@ function drawSky(canvas, flight, state) {
   const sun = toBody(state.attitude, sky.sun);
   const turn = sky.orbit_rate * Math.min(clock.time, flight.time.at(-1));
   const earth = toBody(state.attitude, [Math.cos(turn), Math.sin(turn), 0]);
-  const looks = payload ?? tracker;
   const avoids = payload ? payload.keep_out : tracker.sun;
   if (!payload && tracker.earth !== null) {
     disc(earth, tracker.earth, "blue", 0.25);
