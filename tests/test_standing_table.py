@@ -14,11 +14,10 @@ from agents.standing.tasks import BOUND, ORACLE, Episodes, misfit, tasks_of
 from baselines.command.cli import exit_code
 from baselines.scenarios import tune
 from baselines.scenarios.flights import Cell, flown
-from baselines.scenarios.rivals import rivals, trial
+from baselines.scenarios.rivals import rivals
 from satid_gym.evaluation import seeds
 from satid_gym.policies.shipped import find
 from satid_gym.policy import only_mission
-from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 CELL = Cell(scenario="tight", satellite="microsat", inertia="static")
@@ -51,7 +50,7 @@ def test_a_flight_is_kept_until_what_it_depends_on_changes(tmp_path):
 
 
 def test_scores_are_those_of_the_flight(tmp_path):
-    settings, policy = tune.tuned("tight", "microsat", "sine")
+    settings, policy = tune.tuned("tight", "microsat")["sine"]
     flight = flown(CELL, policy, seeds("validation", 2))
     task = named(CELL, "sine")
     result = task.run(tmp_path)["result"]
@@ -65,7 +64,7 @@ def test_scores_are_those_of_the_flight(tmp_path):
 
 def test_the_seconds_after_a_step_are_not_in_the_nees():
     """They are in info, and large: what the filter has believed is no longer true."""
-    _, policy = tune.tuned("tight", "microsat", "one_step")
+    _, policy = tune.tuned("tight", "microsat")["one_step"]
     cell = Cell(scenario="tight", satellite="microsat", inertia="step")
     env = SatInertiaIDVectorEnv(4, "microsat", "step", "tight", control="rate")
     policy.reset(only_mission(env.problem), range(4))
@@ -101,16 +100,18 @@ def test_learned_policies_fly_where_they_fit():
 
 def test_shipped_settings_are_of_the_grid():
     for entry in tune.stored(tune.TUNED):
-        settings, _ = trial(entry["scenario"], entry["policy"], entry["settings"])
-        assert settings == entry["settings"]
-        assert entry["scenario"] in SCENARIOS
+        assert entry["settings"] in [own for own, _ in rivals(entry["scenario"])[entry["policy"]]]
 
 
 def test_who_is_not_tuned_is_refused_with_the_command(tmp_path):
-    with pytest.raises(ValueError, match=r"not tuned for satellite 'innocube'.*baselines\.scenarios\.tune"):
-        tune.tuned("tight", "innocube", "sine")
-    with pytest.raises(ValueError, match=r"sine is not tried with .*--scenarios tight --policies sine again"):
-        trial("tight", "sine", {"amplitude": 0.123456})
+    with pytest.raises(
+        ValueError, match=r"not tuned for satellite 'innocube'.* --satellites innocube --policies one_step"
+    ):
+        tune.tuned("tight", "innocube")
+    entries = [e | {"settings": {"amplitude": 0.123}} for e in tune.stored(tune.TUNED)]
+    (tmp_path / "tuned.json").write_text(json.dumps({"entries": entries}))
+    with pytest.raises(ValueError, match=r"one_step is not tried with .*0\.123.* --policies one_step --again"):
+        tune.tuned("tight", "microsat", tmp_path / "tuned.json")
 
 
 def test_tuning_goes_on_where_it_was(tmp_path, monkeypatch, capsys):

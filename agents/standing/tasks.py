@@ -16,7 +16,6 @@ import numpy as np
 from baselines.command.provenance import revision
 from baselines.scenarios.flights import Cell, Flown, flown
 from baselines.scenarios.oracle import PLANS, search
-from baselines.scenarios.rivals import rivals
 from baselines.scenarios.tune import tuned
 from baselines.studies.performance_bound import performance_bound
 from baselines.studies.timing import TimedPolicy
@@ -109,7 +108,7 @@ def tasks_of(cell: Cell, episodes: Episodes, learned: Sequence[LearnedPolicy]) -
     Raises:
         ValueError: a rival has no tuned settings; the message says how to find them.
     """
-    rows = [_policy(cell, episodes, *tuned(cell.scenario, cell.satellite, name)) for name in rivals(cell.scenario)]
+    rows = [_policy(cell, episodes, *trial) for trial in tuned(cell.scenario, cell.satellite).values()]
     rows += [_policy(cell, episodes, {}, policy) for policy in learned if not misfit(policy, cell)]
     if episodes.oracle and cell.scenario in PLANS:
         chosen = seeds(episodes.split, episodes.oracle)

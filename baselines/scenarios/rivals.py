@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.in_the_gaps import InTheGaps
-from satid_gym.config import unknown_name
 from satid_gym.evaluation import seeds
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.operator import OperatorPolicy
@@ -87,24 +86,6 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
         **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
     }
-
-
-def trial(scenario: str, name: str, settings: Mapping[str, Any]) -> Trial:
-    """The rival with settings that are among those to try.
-
-    Raises:
-        ValueError: there is no such rival, or these settings are not tried of it.
-    """
-    known = rivals(scenario)
-    if name not in known:
-        raise unknown_name("rival", name, known)
-    for own, policy in known[name]:
-        if own == settings:
-            return own, policy
-    raise ValueError(
-        f"{name} is not tried with {dict(settings)} in scenario {scenario!r}: run python -m baselines.scenarios.tune "
-        f"--scenarios {scenario} --policies {name} again"
-    )
 
 
 def _rehearsals(scenario: str) -> list[dict[str, Any]]:

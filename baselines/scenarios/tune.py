@@ -21,10 +21,9 @@ from baselines.command import cli
 from baselines.command.cluster import RayAddress, executor
 from baselines.command.provenance import result_head, revision
 from baselines.scenarios.flights import Cell
-from baselines.scenarios.rivals import choose, rivals, trial
+from baselines.scenarios.rivals import Trial, choose, rivals
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.files import check_writable, read_json, write_json
-from satid_gym.policy import Policy
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
 
@@ -95,23 +94,34 @@ def _settings(file: Path) -> Mapping[tuple[str, str, str], dict[str, Any]]:
     return {_key(entry): entry["settings"] for entry in stored(file)}
 
 
-def tuned(scenario: str, satellite: str, name: str, file: Path = TUNED) -> tuple[dict[str, Any], Policy]:
-    """A rival with the settings of a file, and these.
+def tuned(scenario: str, satellite: str, file: Path = TUNED) -> dict[str, Trial]:
+    """All rivals by name, with the settings of a file, or with the only ones that are tried.
 
     Raises:
-        ValueError: the file has none for it, or those of an older grid.
+        ValueError: the file has none for one of them, or those of an older grid.
         DamagedFileError: it holds no settings.
     """
-    trials = rivals(scenario)[name]
-    if len(trials) == 1:
-        return trials[0]
-    settings = _settings(file).get((scenario, satellite, name))
+    known = _settings(file)
+    return {
+        name: trials[0]
+        if len(trials) == 1
+        else _found(trials, known.get((scenario, satellite, name)), (scenario, satellite, name))
+        for name, trials in rivals(scenario).items()
+    }
+
+
+def _found(trials: Sequence[Trial], settings: Mapping[str, Any] | None, place: tuple[str, str, str]) -> Trial:
+    """The one of the trials that has these settings."""
+    scenario, satellite, name = place
+    command = f"python -m baselines.scenarios.tune --scenarios {scenario} --satellites {satellite} --policies {name}"
     if settings is None:
-        raise ValueError(
-            f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}: run python -m "
-            f"baselines.scenarios.tune --scenarios {scenario} --satellites {satellite}"
-        )
-    return trial(scenario, name, settings)
+        raise ValueError(f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}: run {command}")
+    for own, policy in trials:
+        if own == settings:
+            return own, policy
+    raise ValueError(
+        f"{name} is not tried with {dict(settings)} in scenario {scenario!r} any longer: run {command} --again"
+    )
 
 
 def _key(entry: Mapping[str, Any]) -> tuple[str, str, str]:
