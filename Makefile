@@ -23,8 +23,9 @@ $(STAMP): pyproject.toml constraints.txt
 compare: setup  ## the main job: learned, scripted and reactive policies on every satellite and inertia mode
 	$(RUN) -m agents.compare
 
-compare-all: setup  ## the same with the planners, which take four fifths of the time
-	$(RUN) -m agents.compare --all
+compare-all: setup  ## the standing table: every policy in every scenario (two hours; stopped, it goes on where it was)
+	$(RUN) -m baselines.scenarios.tune
+	$(RUN) -m agents.standing
 
 test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
 	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk and not reach"
