@@ -1,7 +1,9 @@
 """The standing table: what is flown again and what is kept, the ladder, and the page in a real browser."""
 
 import json
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +37,12 @@ def run(monkeypatch, module, line):
 
 
 # tasks
+
+
+def test_the_make_target_tunes_what_lacks_settings_and_flies_the_table():
+    recipe = re.search(r"^compare-all:.*\n((?:\t.*\n)+)", (Path(__file__).parents[1] / "Makefile").read_text(), re.M)
+    assert recipe, "no target compare-all"
+    assert re.findall(r"-m (\S+)", recipe[1]) == ["baselines.scenarios.tune", "agents.standing"]
 
 
 def test_a_flight_is_kept_until_what_it_depends_on_changes(tmp_path):
