@@ -179,15 +179,18 @@ def test_the_best_of_a_kind_is_inside_in_every_cell():
     assert found["scripted"]["over_best"] == pytest.approx(2.0)
     assert found[ORACLE]["over_best"] == pytest.approx(0.4), "the oracle is no contender"
     assert pair(list(found.values())) == ["rate_square"], "the planner ended early, nothing learned flies here"
-    text = ladders_table(
-        {
-            "ladders": {"tight": list(found.values())},
-            "rows": rows[:1],
-            "settings": {"satellites": ["s"], "inertias": ["static"], "episodes": 2, "oracle": 0},
-            "seeds": {"split": "test"},
-            "command": "python -m agents.standing",
-        }
-    )
+    results = {
+        "ladders": {"tight": list(found.values())},
+        "rows": rows[:1],
+        "settings": {"satellites": ["s"], "inertias": ["static"], "episodes": 2, "oracle": 0},
+        "seeds": {"split": "test"},
+        "command": "python -m agents.standing",
+    }
+    older = {**results, "ladders": {"tight": [], "flex": []}, "command": "python -m agents.standing --again"}
+    text = ladders_table([older, results])
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    assert [line.split(" | ")[:2] for line in lines] == [["| `tight`", "s"], ["| `flex`", "s"]]
+    assert text.count("python -m agents.standing") == 2, "each table says how it was made"
     assert "**`rate_square` 1 (1.00)**" in text
     assert "`mpc`\\* ended early" in text
 
