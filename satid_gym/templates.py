@@ -31,6 +31,7 @@ from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker, earth_angle
 
 _SETTLED = 4.5  # samples without a larger change, after which the rate loop learns from what a motor does
+_PROMPT = 0.5  # likewise, after which it tests whether a motor's gain has jumped
 _GAIN_STD, _FRICTION_STD = 0.16, 0.05  # what it believes at first of gain, and of friction over the torque limit
 _RESERVE = 0.1  # of the largest swing of a wheel, room that the null motion keeps
 _NOISE_MIN = 0.01  # of the torque limit
@@ -153,8 +154,11 @@ def _write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.nd
     row["slope"] = p.scenario.reference_slope * wheels.max_torque.min() / np.linalg.eigvalsh(satellite.inertia)[-1]
     row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
     row["spin_max"] = wheels.inertia * wheels.max_speed
-    row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + 2.0 * p.scenario.command_lateness
+    late, sensors = 2.0 * p.scenario.command_lateness, satellite.sensors
+    row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + late
+    row["motors"]["prompt"] = (_PROMPT + sensors.counts + sensors.tachometer_delay) * p.scenario.sample_period + late
     noise = np.maximum(_acceleration_noise(satellite, p.scenario), _NOISE_MIN)
+    row["motors"]["noise"], row["motors"]["expected"] = noise, 1.0
     row["motors"]["prior"] = (noise[:, None] / [_GAIN_STD, _FRICTION_STD]) ** 2
     _write_null_motion(row["null"], satellite, prior)
 

@@ -33,6 +33,7 @@ def _benchmark() -> tuple[Satellite, ...]:
     return tuple(SATELLITES[name] for name in BENCHMARK_SATELLITES)
 
 
+_FAILS = Faults(wheel_loss=1.0, wheel_loss_size=(1.0, 1.0))
 _OWN: Mapping[str, World] = {
     "full tensor": World(scenario={"tilt_std": 0.15}),
     "inertia off by 30 %": World(scenario={"inertia_std": 0.3}),
@@ -44,6 +45,8 @@ _OWN: Mapping[str, World] = {
     "pyramid, a wheel lost": World(
         scenario={"faults": Faults(wheel_loss=1.0)}, satellites=tuple(map(on_pyramid, _benchmark()))
     ),
+    "a wheel fails": World(scenario={"faults": _FAILS}),
+    "pyramid, a wheel fails": World(scenario={"faults": _FAILS}, satellites=tuple(map(on_pyramid, _benchmark()))),
 }
 _FLEXIBLE = (
     "panels 2 %, 0.35 Hz",

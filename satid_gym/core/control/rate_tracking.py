@@ -13,7 +13,8 @@ N projects on the torques that cancel each other; of more than three wheels thos
 are brought to share the momentum evenly. Where operators avoid a band of wheel speed, N h - z v takes the place of N h,
 which keeps them out of it (`core.control.null_motion`). Where all that takes more than the motors have, the error is
 reduced axis by axis (`allocation.within_reach`). What the motors are commanded allows for a weak one and for friction,
-as their wheels have shown them (`core.control.motors`).
+as their wheels have shown them (`core.control.motors`); a wheel of three that is lost leaves an axis to the momentum
+(`core.control.lost_axis`).
 
 Only belief and readings are used. Source: Wie, Space Vehicle Dynamics and Control (2008), ch. 7, for the law; Preumont,
 Vibration Control of Active Structures (2011), ch. 4, for what delay does to collocated control.
@@ -33,6 +34,7 @@ from satid_gym.core.algebra import (
     load,
     load_symmetric,
     multiply,
+    norm,
     scale_symmetric,
     subtract,
 )
@@ -40,7 +42,8 @@ from satid_gym.core.belief import filters
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control import motors
 from satid_gym.core.control.allocation import allocate, storable, within_reach
-from satid_gym.core.control.motors import motors_dtype
+from satid_gym.core.control.lost_axis import spare
+from satid_gym.core.control.motors import LOST, motors_dtype
 from satid_gym.core.control.null_motion import choose, null_dtype
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
@@ -78,13 +81,14 @@ def tracking_dtype(n: int) -> np.dtype:
 def _share_by_gain(s, axes, limit):
     """Write what each motor has, and A^+ = G A^T (A G A^T)^-1 with G of the gains' squares.
 
-    Returns the least gain.
+    Returns the weakest motor.
     """
-    weakest = s.motors.gain[0]
+    weakest = 0
     xx = yy = zz = xy = xz = yz = 0.0
     for k in range(limit.shape[0]):
         gain = s.motors.gain[k]
-        weakest = min(weakest, gain)
+        if gain < s.motors.gain[weakest]:
+            weakest = k
         s.reach[k] = min(gain, 1.0) * limit[k]
         x, y, z = axes[0, k], axes[1, k], axes[2, k]
         g = gain * gain
@@ -119,14 +123,22 @@ def _even_out(s, axes, momentum, torque):
 
 
 @inline
-def _ease(s, dt):
-    """omega_ref, rad/s, dt seconds after the last."""
+def _ease(s, reference, dt):
+    """omega_ref, rad/s, dt seconds after the last, on its way to a reference."""
     if s.slope == 0.0:
-        return load(s.reference)
+        return reference
     step = s.slope * dt
     for i in range(3):
-        s.eased[i] += min(max(s.reference[i] - s.eased[i], -step), step)
+        s.eased[i] += min(max(reference[i] - s.eased[i], -step), step)
     return load(s.eased)
+
+
+@inline
+def _lost_axis(s, weakest):
+    """Unit vector about which no torque is left where a wheel of three is lost."""
+    row = load(s.allocation[weakest])
+    length = norm(row)
+    return row[0] / length, row[1] / length, row[2] / length
 
 
 @outline
@@ -140,18 +152,22 @@ def track(task, belief, gyro, tachometer, dt, torque):
     motors.observe(task, belief, tachometer, omega, dt)
     for k in range(n):
         s.scratch[1, k] = belief.wheel_inertia[k] * s.motors.speed[k]
+    weakest = _share_by_gain(s, axes, limit)
+    reference = load(s.reference)
+    if n == 3 and s.motors.gain[weakest] < LOST:
+        state = (omega, momentum, inertia)
+        reference = spare(reference, _lost_axis(s, weakest), state, task.rate_limit)
     wheels = (axes, s.allocation, s.spin_max)
-    wanted = storable(_ease(s, dt), momentum, inertia, wheels, s.scratch[1], s.scratch[0])
+    wanted = storable(_ease(s, reference, dt), momentum, inertia, wheels, s.scratch[1], s.scratch[0])
     free = axpy_symmetric(-1.0, load_symmetric(s.rotor_inertia), inertia)
     scaled = scale_symmetric(-s.bandwidth, free)
     drift = add(tau, cross(momentum, omega))
-    weakest = _share_by_gain(s, axes, limit)
     for k in range(n):
         torque[k] = allocate(s.sharing, drift, k)
     error = subtract(wanted, omega)
     push = multiply(scaled, within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0]))
     for k in range(n):
         torque[k] = min(max(torque[k] + allocate(s.sharing, push, k), -s.reach[k]), s.reach[k])
-    if n > 3 and weakest > _HEALTHY:
+    if n > 3 and s.motors.gain[weakest] > _HEALTHY:
         _even_out(s, axes, momentum, torque)
     motors.command(task, torque)
