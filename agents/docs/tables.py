@@ -13,6 +13,7 @@ from typing import Any
 import docstring_parser
 
 from agents.docs import faults_table
+from agents.docs import world_tables as worlds
 from agents.docs.consistency_table import consistency_table, timing_table, tracker_table
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
@@ -25,7 +26,6 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import satellites, section_table, vector_arguments
-from agents.docs.world_tables import basilisk, four_wheels, gates, ladders, planners, rate_loops, unmodelled
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -188,12 +188,12 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "appendages": appendages,
         "calibration": calibration,
         "operations": operations,
-        "gate": gates,
-        "planners": planners,
+        "gate": worlds.gates,
+        "planners": worlds.planners,
         "laws": laws,
         "faults": faults,
     },
-    "standing.md": {"ladders": ladders},
+    "standing.md": {"ladders": worlds.ladders},
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
     "baselines.md": {"baselines": baselines},
     "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},
@@ -220,9 +220,9 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "star tracker": lambda: settings(StarTracker),
         "consistency": lambda: consistency(tracker_table, "star_tracker"),
     },
-    "unmodelled.md": {"unmodelled": unmodelled},
-    "rates.md": {"rate loops": rate_loops, "four wheels": four_wheels},
-    "truth.md": {"basilisk": basilisk},
+    "unmodelled.md": {"unmodelled": worlds.unmodelled},
+    "rates.md": {"rate loops": worlds.rate_loops, "lost wheels": worlds.lost_wheels, "four wheels": worlds.four_wheels},
+    "truth.md": {"basilisk": worlds.basilisk},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

@@ -38,6 +38,11 @@ def rate_loops() -> str:
     return rate_loops_table(_committed("rate_loops", "rate_loops", "cells"))
 
 
+def lost_wheels() -> str:
+    """The environment's rate loop where wheels fail, and in worlds that might be taken for it."""
+    return rate_loops_table(_committed("rate_loops_lost", "rate_loops", "cells"))
+
+
 def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
     return "\n\n".join(
@@ -94,18 +99,19 @@ def unmodelled_table(results: Mapping[str, Any]) -> str:
 
 
 def rate_loops_table(results: Mapping[str, Any]) -> str:
-    """Time outside and final error through both rate loops, by world: the worst satellite, and the range."""
+    """Time outside and final error through the rate loops, by world: the worst satellite, and the range."""
     cells: Sequence[Cell] = results["cells"]
+    controls = tuple(dict.fromkeys(cell["control"] for cell in cells))
     rows = []
     for world in dict.fromkeys(cell["world"] for cell in cells):
         figures = []
-        for control in ("torque", "rate"):
+        for control in controls:
             own = [cell for cell in cells if (cell["world"], cell["control"]) == (world, control)]
             errors = [100.0 * cell["final_error"] for cell in own]
             spread = f"{min(errors):.2g}" + (f" to {max(errors):.2g}" if len(errors) > 1 else "")
             figures += [f"{100.0 * max(cell['outside_fraction'] for cell in own):.2f}", spread]
         rows.append([world, *figures])
-    head = ["world", "torque: outside, %", "final error, %", "rate: outside, %", "final error, %"]
+    head = ["world", *(text for control in controls for text in (f"{control}: outside, %", "final error, %"))]
     flown = "{episodes} validation episodes a cell, inertia {inertia}; revision ".format(**results["settings"])
     return table(head, rows, text_columns=1) + f"\n\n{flown}{results['revision'][:7]}."
 
