@@ -128,7 +128,7 @@ class Panel(Oscillator):
         object.__setattr__(self, "axis", _unit("panel axis", self.axis))
         object.__setattr__(self, "inertia", part_inertia("panel inertia", self.inertia))
         if self.inertance <= 0.0:
-            raise ValueError("a panel needs inertia about its hinge: an arm across the axis, or an inertia of its own")
+            raise ValueError("a panel needs inertia about its hinge: give an arm across the axis, or an inertia")
 
     @property
     def place(self) -> np.ndarray:

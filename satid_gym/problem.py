@@ -75,7 +75,7 @@ class Problem(Config):
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
                 "all satellites of an environment need tolerances of the same kinds (gyro bias; gyro scale and "
-                f"alignment; tachometer delay; wheels), for they share a filter: those of {names} differ; give "
+                f"alignment; tachometer delay; wheels), because they share a filter: those of {names} differ; give "
                 "scenario tolerances, which replace the satellites'"
             )
         if len({oscillator_counts(s.oscillators) for s in self.satellites}) != 1:
@@ -89,7 +89,7 @@ class Problem(Config):
         if len({s.sensors.star_tracker is None for s in sheets}) != 1:
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
-                "all satellites of an environment need a star tracker or none, for they share a filter: those of "
+                "all satellites of an environment need a star tracker or none, because they share a filter: those of "
                 f"{names} differ; give scenario sensors, which replace the satellites'"
             )
         if len({self.estimator.tells_sky(s) for s in sheets}) != 1:

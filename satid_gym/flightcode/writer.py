@@ -50,7 +50,7 @@ def texts(pilot: Pilot, counting: bool = False) -> dict[str, str]:
         ValueError: its policy has no C, or there is a star tracker.
     """
     if pilot.mission.prior.sensors.star_tracker is not None:
-        raise ValueError("flight code takes gyro and tachometers alone: export with sensors without star_tracker")
+        raise ValueError("flight code supports only gyro and tachometers: export with sensors without star_tracker")
     policy = policy_source(pilot)
     core = CoreSource(pilot, policy.constants, counting)
     own = {"satid_core.h": core.header, "satid_core.c": core.source}

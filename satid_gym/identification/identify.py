@@ -30,7 +30,7 @@ from satid_gym.telemetry import Log
 from satid_gym.telemetry.units import option_of
 
 INFLATION_MIN = 1.1  # below it there is no word of it
-_ALONE = "one window alone: nothing but the formal covariance says how far to trust the interval"
+_ALONE = "only one window: the interval is that of the formal covariance alone"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,7 +134,7 @@ def identify(
     rotors = rotor_inertias(logs, own, window)
     white = whiteness(fit)
     notes = [
-        *([f"the data do not tell {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
+        *([f"the data do not identify {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
         *([doubt] if doubt else []),
         *delay_notes(logs, delays),
         *([f"residuals are not white: {white.autocorrelation:+.2f} from one reading to the next"] * (not white.white)),
@@ -174,10 +174,10 @@ def identify(
 def _variation_notes(varied: Variation, logs: Sequence[Log]) -> list[str]:
     """What the reader of a variation should know."""
     if varied.kind == "not told":
-        return ["the inertia over time is not told: the logs are too short, or move too little"]
+        return ["the inertia over time is not identified: the logs are too short, or move too little"]
     return [
         f"{logs[flight].name}: the balance of momentum fails at {time:.10g} s as no satellite's inertia can make it (a "
-        "long rest, or a fault of a sensor or its stamps): the inertia over time is not told"
+        "long rest, or a fault of a sensor or its stamps): the inertia over time is not identified"
         for flight, time in varied.doubted
     ]
 

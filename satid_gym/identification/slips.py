@@ -26,7 +26,7 @@ _THERE_MIN = 0.5  # of the rows that have an attitude, below which the gyro is i
 _TRIED = 2  # flights that slips are tried on
 _MINUS = "a minus sign before the unit that the log is in"
 _REORDER = f"name the columns in this order, as in {HOW}"
-_NOTHING = "the logs tell none of the moments of inertia"
+_NOTHING = "the logs identify none of the moments of inertia"
 
 
 class SlipError(ValueError):

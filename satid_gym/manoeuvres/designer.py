@@ -212,22 +212,22 @@ def _falls_short(waves: Waves, posed: Problem, request: Request, effort: Effort,
         found = _flown(manoeuvre, world, longer, effort, "tuning")
         if request.accuracy is not None and found.accuracy <= request.accuracy and not _beyond(found, longer):
             return f"{said}; {longer.duration:g} s of the same waves leave {found.accuracy:.2g}"
-    return f"{said}, and up to {longer.duration:g} s of the same waves do not do: give wider limits or a quieter gyro"
+    return f"{said}, and up to {longer.duration:g} s of the same waves do not help: give wider limits or a quieter gyro"
 
 
 def _notes(mission: Mission, request: Request, trial: Trial, others: Sequence[Trial]) -> list[str]:
     notes = []
     if not mission.satellite.tolerances.kinds[0]:
         notes.append(
-            "the data sheet gives no gyro bias, so that the filter assumes none: with one, errors are larger than std"
+            "the data sheet gives no gyro bias, so the filter assumes none: with a bias, errors are larger than std"
         )
     if (nees := float(trial.nees.mean())) > _NEES_MAX:
-        notes.append(f"the filter claims too much: NEES is {nees:.2g}, and errors are larger than std by its root")
+        notes.append(f"the filter is overconfident: NEES is {nees:.2g}, and errors are larger than std by its root")
     if (trial.rate > 1.0).any():
         notes.append(f"in {(trial.rate > 1.0).mean():.0%} of the flights a rate was beyond its limit at some time")
     better = [other.name for other in others if other.keeps(request.cost_limit) and other.accuracy < trial.accuracy]
     if better:
         notes.append(f"more accurate within the limits, but not from rest to rest: {', '.join(better)}")
     if request.returns and (left := float(np.degrees(np.median(trial.turn[-1])))) > _RETURN_MAX:
-        notes.append(f"it comes back to {left:.2g} deg only, in the median")
+        notes.append(f"it returns only to within {left:.2g} deg, in the median")
     return notes

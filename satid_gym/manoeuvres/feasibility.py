@@ -73,11 +73,11 @@ def check_accuracy(mission: Mission, duration: float, accuracy: float) -> None:
     needed = (
         f"it takes at least {', or '.join(remedies)}"
         if remedies
-        else (f"no duration, rate limit or gyro {_FARTHEST:g} times as good alone is enough")
+        else (f"no duration, rate limit or gyro {_FARTHEST:g} times as good is enough by itself")
     )
     raise NotPossibleError(
-        f"no manoeuvre of {duration:g} s tells every moment of inertia to {accuracy:.2g}: whatever the satellite does "
-        f"within its limits, noise leaves {least:.2g}; {needed}"
+        f"no manoeuvre of {duration:g} s determines every moment of inertia to {accuracy:.2g}: whatever the satellite "
+        f"does within its limits, noise leaves {least:.2g}; {needed}"
     )
 
 

@@ -103,7 +103,7 @@ def lines(design: Design) -> Iterator[str]:
     for name, std, size in zip(NAMES, trial.parameter_std[-1], design.scale, strict=False):
         yield f"{name:5s}{std * size:14.2g}{percent(std):>10s}"
     least = percent(float(design.least[-1]))
-    yield f"for the nominal satellite no motion within the limits tells every moment better than {least}"
+    yield f"for the nominal satellite no motion within the limits determines every moment better than {least}"
     yield ""
     rate, speed = percent(float(trial.rate.max())), percent(float(trial.wheel_speed.max()))
     yield f"largest rate {rate} of its limit, wheel speed {speed}"

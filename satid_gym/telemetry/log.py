@@ -58,7 +58,7 @@ class Log:
             if value is not None and value.shape != (count, width):
                 raise ValueError(f"{name} of a log must have shape ({count}, {width}) or be None, got {value.shape}")
         if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0.0).any():
-            raise ValueError("time of a log must be finite and increase from row to row; read_log sees to that")
+            raise ValueError("time of a log must be finite and increase from row to row; read_log sorts the rows")
 
     @property
     def interval(self) -> float:
