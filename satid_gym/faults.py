@@ -81,7 +81,7 @@ class Faults(Config):
 
     @property
     def possible(self) -> bool:
-        """Whether anything can go wrong."""
+        """Whether any fault is possible."""
         return any(np.max(getattr(self, name)) > 0 for name in SWITCHES)
 
     def only(self, switch: str) -> Faults:

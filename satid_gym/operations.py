@@ -1,4 +1,4 @@
-"""Operations of a payload: when it takes images, how steadily it must point then, and what it may never look at."""
+"""Operations of a payload: imaging windows, pointing accuracy, and a keep-out around the Sun."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenarios: the world of an episode, the scatter of the truth about what is known, and the prior that follows."""
+"""Scenarios: the world of an episode, the scatter of the truth about nominal, and the prior that follows."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ class Scenario(Config):
         return tuple(equipped for satellite in satellites for equipped in self.appendages.equip(satellite))
 
     def operate(self, satellite: Satellite) -> Satellite:
-        """The satellite as this scenario operates it: with its limits and sensors where it sets them."""
+        """The satellite as operated in this scenario: with the scenario's limits and sensors where it sets them."""
         wheels = satellite.wheels
         friction = wheels.friction if self.friction is None else self.friction
         changes: dict[str, Any] = {
@@ -221,7 +221,7 @@ def _whole(name: str, ratio: float, most: int) -> None:
 
 
 def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | None = None) -> FilterPrior:
-    """What is known of a satellite in a scenario: nominal values and data sheets.
+    """Prior knowledge of a satellite in a scenario: nominal values and data sheets.
 
     Args:
         satellite: nominal.

@@ -87,7 +87,8 @@ class Sensors(Config):
         if DELAY_SIGMAS * tolerances.tachometer_delay > self.tachometer_delay * (1.0 + 1e-9):
             raise ValueError(
                 f"tolerance tachometer_delay must be at most a third of the sensors' tachometer_delay, because "
-                f"no reading comes before its time: got {tolerances.tachometer_delay:g} of {self.tachometer_delay:g} periods"
+                f"no reading comes before its time: got {tolerances.tachometer_delay:g} of "
+                f"{self.tachometer_delay:g} periods"
             )
 
 

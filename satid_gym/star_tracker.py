@@ -1,4 +1,4 @@
-"""Star tracker of a data sheet: its noise, how often it reads, and what makes it blind."""
+"""Star tracker of a data sheet: noise, period of readings, and limits beyond which it is blind."""
 
 from __future__ import annotations
 

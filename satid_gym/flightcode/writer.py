@@ -18,7 +18,7 @@ _DECISIONS_MAX = 60  # of the test vectors' flight
 
 
 def write(output: Path, pilot: Pilot) -> list[str]:
-    """Write C99 of what a pilot flies; equal pilots give equal bytes.
+    """Write a pilot as C99; equal pilots give equal bytes.
 
     Args:
         output: folder; it is made if missing. Files of another pilot's policy that are there go.

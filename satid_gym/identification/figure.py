@@ -1,4 +1,4 @@
-"""Figure of an identification: estimates with their bands, residuals, and what each flight told."""
+"""Figure of an identification: estimates with their bands, residuals, and the contribution of each flight."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _residuals(axes: Axes, found: Identification) -> None:
 
 
 def _told(axes: Axes, found: Identification) -> None:
-    """What each second told: share of the information about each parameter a second, over its largest."""
+    """Information by second: share of the information on each parameter per second, over its largest."""
     length = sum(float(flight.time[-1] - flight.time[0]) for flight in found.flights if len(flight.time) > 1)
     start, tables, edges = 0.0, [], []
     for flight in found.flights:

@@ -70,7 +70,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
 
 
 def _over_time(found: Identification) -> list[str]:
-    """What was asked of the inertia over time."""
+    """Section on the inertia over time, if requested."""
     if found.variation is None:
         return []
     said = "\n".join(variation_lines(found.variation))

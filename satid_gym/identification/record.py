@@ -24,7 +24,7 @@ SAID = {
 
 
 def plain(value: Any) -> Any:
-    """Value as JSON holds it; what is not known is null."""
+    """Value as JSON holds it; unknown values are null."""
     if isinstance(value, np.ndarray):
         return [plain(item) for item in value.tolist()]
     if isinstance(value, (list, tuple)):
@@ -41,7 +41,7 @@ def rounded(value: float, std: float) -> tuple[str, str]:
 
 
 def record(found: Identification) -> dict[str, Any]:
-    """All of an identification but the residuals of each reading."""
+    """Record of an identification without the residuals of each reading."""
     return {
         "satellite": found.satellite.name,
         "frame": "body, wheels locked, kg m^2; covariance in the order xx yy zz xy xz yz; null: not identified",
@@ -114,7 +114,7 @@ def _variation(found: Variation) -> dict[str, Any]:
 
 
 def variation_lines(found: Variation) -> Iterator[str]:
-    """What is said of a variation, and a table of what it steps by, for a terminal."""
+    """Description of a variation, and a table of its steps, for a terminal."""
     yield f"inertia over time: {SAID[found.kind]}"
     if found.kind in ("constant", "not told"):
         yield f"a step of {found.detectable:.2g} of it would be found half of the time"

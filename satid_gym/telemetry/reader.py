@@ -1,4 +1,4 @@
-"""Reader of telemetry: files to a `Log`, with stamps in order and channels on one clock."""
+"""Reader of telemetry: files to a `Log`, with increasing time stamps and channels on one clock."""
 
 from __future__ import annotations
 
