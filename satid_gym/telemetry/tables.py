@@ -43,7 +43,7 @@ def read_table(path: Path) -> list[Column]:
         ValueError: the file is missing, empty, or no table; or Parquet is asked for and pyarrow is not there.
     """
     if not path.is_file():
-        raise ValueError(f"{path}: no such file")
+        raise ValueError(f"{path}: there is no such file")
     if path.suffix.lower() in (".parquet", ".pq"):
         return _parquet(path)
     try:
