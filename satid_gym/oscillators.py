@@ -28,8 +28,7 @@ class Oscillator(Config, abc.ABC):
         frequency_std: std of the logarithm of the true frequency.
         damping_std: std of the logarithm of the true damping ratio.
         deflection_std: std of the initial deflection, rad for a panel, m for a slosh mass; 0: it starts at rest.
-        deflection_limit: rad or m; beyond it there are a cost and a penalty, far beyond it the episode ends; None:
-            none.
+        deflection_limit: rad or m; beyond it there are a cost and a penalty, far beyond it the end; None: no limit.
         mirrored: whether there is a second, identical one, mirrored at the centre of mass; a filter models only the
             mode of the pair that turns the body.
 
