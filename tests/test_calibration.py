@@ -264,7 +264,7 @@ def nees(policy, estimator, **settings):
         ("sine", {"torque_noise": 0.0, "gyro_noise_std": 2e-4}, 1.5),
         ("multi_step", {"gyro_noise_std": 1e-3}, 1.5),
         ("zero", {"gyro_noise_std": 1e-3}, 2.0),
-        ("zero", {"torque_noise": 0.0}, 5.0),
+        ("zero", {"torque_noise": 0.0}, 1.0),
     ],
 )
 def test_rate_coordinates_stay_consistent_with_little_excitation(policy, settings, most):

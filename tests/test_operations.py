@@ -339,12 +339,9 @@ def test_operations_are_equal_by_value():
 
 
 @pytest.mark.compiled
-def test_noise_of_the_tachometers_passes_for_excitation_where_the_body_is_at_rest():
-    """Why the scenario reads the wheels finer than the data sheet does: the filter is overconfident otherwise."""
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_noise_of_the_tachometers_is_no_excitation_where_the_body_is_at_rest(satellite):
+    """With tachometers as on the data sheet too: the operator never turns about the boresight."""
     coarse = SCENARIOS["operations"].replace(tachometer_noise_std=None)
-    found = {}
-    for name, scenario in (("fine", "operations"), ("coarse", coarse)):
-        cell = Cell(scenario=scenario, satellite="microsat", inertia="static")
-        found[name] = flown(cell, OperatorPolicy(), seeds("validation", 12)).nees.mean()
-    assert found["fine"] < 1.5
-    assert found["coarse"] > 2.0
+    cell = Cell(scenario=coarse, satellite=satellite, inertia="static")
+    assert 0.3 < flown(cell, OperatorPolicy(), seeds("validation", 24)).nees.mean() < 2.0

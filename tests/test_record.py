@@ -13,10 +13,12 @@ from PIL import Image
 from agents.viewer import record
 from agents.viewer.rollout import Pairing, Rollout
 from baselines.command.cli import exit_code
+from baselines.scenarios.flights import Cell, flown
+from baselines.scenarios.tune import tuned_rival
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.policies.learned import LearnedPolicy, Network
-from satid_gym.policies.shipped import PRETRAINED
+from satid_gym.policies.shipped import PRETRAINED, find
 from satid_gym.policy import Mission
 from satid_gym.rendering import video
 from tests.cases import cases
@@ -64,6 +66,39 @@ def test_pilots_meet_the_same_truth_as_the_comparison_does():
         assert rollout.outside == flight.outside.mean()
         assert rollout.mean_error == pytest.approx(flight.error.mean())
         assert rollout.history["information"][-1] == pytest.approx(flight.information.sum())
+
+
+def test_by_body_rates_baselines_have_the_settings_of_the_standing_table():
+    """Error at the end as in a flight of the gate, in units of the rotors' inertia, not in kg m^2."""
+    pairing = Pairing(
+        policy="stargazer", beside="swing_and_stop", scenario="calibration", inertia="static", control="rate"
+    )
+    cell = Cell(scenario="calibration", satellite="microsat", inertia="static")
+    settings, tuned = tuned_rival("calibration", "microsat", "swing_and_stop")
+    learned, law = pairing.rollouts()
+    assert {name: getattr(law.policy, name) for name in settings} == settings
+    for rollout, policy in ((learned, find("stargazer")), (law, tuned)):
+        while not rollout.over:
+            rollout.step()
+        assert rollout.error == pytest.approx(flown(cell, policy, [pairing.seed]).error[0], rel=1e-9)
+        assert abs(rollout.error / rollout.info["relative_error"] - 1.0) > 0.1
+
+
+@cases(
+    ("policy", "given", "message"),
+    [
+        ("shaped_square", {"scenario": "flex"}, "shaped_square commands body rates: add --control rate"),
+        ("sine", {"scenario": "paper", "control": "rate"}, "no settings by body rates in scenario 'paper'"),
+        (
+            "shaped_square",
+            {"scenario": "flex", "satellite": "smallsat", "control": "rate"},
+            "not tuned for .* run python",
+        ),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_with_what_to_do(policy, given, message):
+    with pytest.raises(ValueError, match=message):
+        Pairing(policy=policy, **given).rollouts()
 
 
 def test_a_pilot_far_outside_its_limits_stops():

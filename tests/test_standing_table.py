@@ -1,7 +1,9 @@
 """The standing table: what is flown again and what is kept, the ladder, and the page in a real browser."""
 
 import json
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +37,12 @@ def run(monkeypatch, module, line):
 
 
 # tasks
+
+
+def test_the_make_target_tunes_what_lacks_settings_and_flies_the_table():
+    recipe = re.search(r"^compare-all:.*\n((?:\t.*\n)+)", (Path(__file__).parents[1] / "Makefile").read_text(), re.M)
+    assert recipe, "no target compare-all"
+    assert re.findall(r"-m (\S+)", recipe[1]) == ["baselines.scenarios.tune", "agents.standing"]
 
 
 def test_a_flight_is_kept_until_what_it_depends_on_changes(tmp_path):
@@ -171,15 +179,18 @@ def test_the_best_of_a_kind_is_inside_in_every_cell():
     assert found["scripted"]["over_best"] == pytest.approx(2.0)
     assert found[ORACLE]["over_best"] == pytest.approx(0.4), "the oracle is no contender"
     assert pair(list(found.values())) == ["rate_square"], "the planner ended early, nothing learned flies here"
-    text = ladders_table(
-        {
-            "ladders": {"tight": list(found.values())},
-            "rows": rows[:1],
-            "settings": {"satellites": ["s"], "inertias": ["static"], "episodes": 2, "oracle": 0},
-            "seeds": {"split": "test"},
-            "command": "python -m agents.standing",
-        }
-    )
+    results = {
+        "ladders": {"tight": list(found.values())},
+        "rows": rows[:1],
+        "settings": {"satellites": ["s"], "inertias": ["static"], "episodes": 2, "oracle": 0},
+        "seeds": {"split": "test"},
+        "command": "python -m agents.standing",
+    }
+    older = {**results, "ladders": {"tight": [], "flex": []}, "command": "python -m agents.standing --again"}
+    text = ladders_table([older, results])
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    assert [line.split(" | ")[:2] for line in lines] == [["| `tight`", "s"], ["| `flex`", "s"]]
+    assert text.count("python -m agents.standing") == 2, "each table says how it was made"
     assert "**`rate_square` 1 (1.00)**" in text
     assert "`mpc`\\* ended early" in text
 

@@ -55,14 +55,11 @@ def planners() -> str:
 
 
 def ladders() -> str:
-    """The best of each kind in every scenario, from the committed standing table."""
-    return ladders_table(
-        read_json(
-            RESULTS / "standing.json",
-            "run python -m agents.standing and copy standing.json to docs/results",
-            keys=("ladders", "rows", "settings", "command", "seeds"),
-        )
-    )
+    """The best of each kind in every scenario, from the committed standing tables, standing*.json."""
+    remedy = "run python -m agents.standing and copy standing.json to docs/results"
+    keys = ("ladders", "rows", "settings", "command", "seeds")
+    files = [RESULTS / "standing.json", *sorted(RESULTS.glob("standing_*.json"))]
+    return ladders_table([read_json(file, remedy, keys=keys) for file in files])
 
 
 def four_wheels() -> str:
@@ -146,9 +143,13 @@ def gate_table(results: Mapping[str, Any]) -> str:
     return table(["policy", "settings", *head], rows, text_columns=2) + f"\n\n{said}{results['revision'][:7]}."
 
 
-def ladders_table(results: Mapping[str, Any]) -> str:
-    """Rows are scenarios, columns kinds of policies; where the flights come from below it."""
-    steps = {name: {step["rung"]: step for step in rungs} for name, rungs in results["ladders"].items()}
+def ladders_table(tables: Sequence[Mapping[str, Any]]) -> str:
+    """Rows are scenarios on satellites, columns kinds of policies; where the flights come from below it.
+
+    A later table replaces rows of an earlier one.
+    """
+    places = {(name, *results["settings"]["satellites"]): results for results in tables for name in results["ladders"]}
+    steps = {place: {step["rung"]: step for step in results["ladders"][place[0]]} for place, results in places.items()}
     shown = [rung for rung in RUNGS if any(rung in rungs for rungs in steps.values())]
 
     def cell(step: Mapping[str, Any] | None) -> str:
@@ -160,15 +161,21 @@ def ladders_table(results: Mapping[str, Any]) -> str:
         text = f"`{step['policy']}`{star} {error}{over}"
         return f"**{text}**" if step["over_best"] == 1.0 else text
 
-    rows = [[f"`{name}`", *(cell(rungs.get(rung)) for rung in shown)] for name, rungs in steps.items()]
-    settings, revisions = results["settings"], sorted({row["revision"][:7] for row in results["rows"]})
-    flown = (
-        f"Satellites {', '.join(settings['satellites'])}; inertia {', '.join(settings['inertias'])}; "
-        f"{settings['episodes']} {results['seeds']['split']} episodes a cell"
-        + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
-        + f"; revision {', '.join(revisions)}; `{results['command']}`."
-    )
-    return table(["scenario", *(RUNGS[rung] for rung in shown)], rows, text_columns=1 + len(shown)) + "\n\n" + flown
+    def flown(results: Mapping[str, Any]) -> str:
+        settings, revisions = results["settings"], sorted({row["revision"][:7] for row in results["rows"]})
+        return (
+            f"Satellites {', '.join(settings['satellites'])}; inertia {', '.join(settings['inertias'])}; "
+            f"{settings['episodes']} {results['seeds']['split']} episodes a cell"
+            + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
+            + f"; revision {', '.join(revisions)}; `{results['command']}`."
+        )
+
+    rows = [
+        [f"`{name}`", ", ".join(satellites), *(cell(rungs.get(rung)) for rung in shown)]
+        for (name, *satellites), rungs in steps.items()
+    ]
+    head = ["scenario", "satellites", *(RUNGS[rung] for rung in shown)]
+    return "\n\n".join([table(head, rows, text_columns=2 + len(shown)), *map(flown, tables)])
 
 
 def basilisk_table(results: Mapping[str, Any]) -> str:

@@ -105,7 +105,9 @@ def _errors(rollouts: Sequence[Rollout], width: float, scale: float) -> np.ndarr
     """Relative errors over the episode so far, on a logarithmic scale."""
     canvas = Canvas(width, 128.0, scale)
     scenario = rollouts[0].env.problem.scenario
-    canvas.text((10.0, 12.0), "relative error of the inertia", TEXT, 12.0)
+    tolerances = scenario.tolerances
+    unit = "" if tolerances is None or not tolerances.wheel_inertia else ", in units of the rotors'"
+    canvas.text((10.0, 12.0), f"relative error of the inertia{unit}", TEXT, 12.0)
     for i, (rollout, colour) in enumerate(zip(rollouts, COLOURS, strict=True)):
         words = f"{rollout.name}: mean {100 * rollout.mean_error:.3f} %"
         canvas.text((470.0 + i * (480.0 + _GAP), 12.0), words, colour, 12.0, "right")

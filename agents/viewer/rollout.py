@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
@@ -11,11 +11,17 @@ import tyro
 from agents.benchmark.entrants import Prepared, learned
 from baselines import BASELINES
 from baselines.command.options import ScenarioText
+from baselines.scenarios.flights import unit_free_error
+from baselines.scenarios.rivals import rivals
+from baselines.scenarios.tune import JUDGED, tuned_rival
 from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
+from satid_gym.policies.registry import RATE_BASELINES, build
 from satid_gym.policy import Policy, observation_settings, only_mission, show_filter
+from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
 from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
 
 _MODES = ("random", *INERTIA_MODES, *MASS_MODES)
@@ -33,9 +39,10 @@ class Rollout:
         info: of the last decision.
         over: whether the episode has ended.
         terminated: whether it ended early, far outside the rate limits.
-        history: by name, one entry at the start and one per decision: relative_error; measured rate and
-            wheel_speed over their limits; std, the filter's standard deviation of each moment relative to its
-            prior; outside, share of the time; information, gained since the start, nats.
+        history: by name, one entry at the start and one per decision: relative_error, in units of the rotors' inertia
+            where that is not known exactly; measured rate and wheel_speed over their limits; std, the filter's
+            standard deviation of each moment relative to its prior; outside, share of the time; information, gained
+            since the start, nats.
     """
 
     def __init__(self, policy: Policy, env: SatInertiaIDEnv, seed: int) -> None:
@@ -60,10 +67,13 @@ class Rollout:
         self._note()
 
     def _note(self) -> None:
-        layout, information = self.env.layout, self.history["information"]
-        self.history["relative_error"].append(self.info["relative_error"])
-        for name in ("rate", "wheel_speed"):
-            self.history[name].append(self._observation[layout[name]].copy())
+        layout, information, rows = self.env.layout, self.history["information"], self.env.fleet.rows
+        self.history["relative_error"].append(float(unit_free_error(self.env.fleet)[0]))
+        self.history["rate"].append(self._observation[layout["rate"]].copy())
+        if "wheel_speed" in layout:
+            self.history["wheel_speed"].append(self._observation[layout["wheel_speed"]].copy())
+        else:
+            self.history["wheel_speed"].append(rows.beliefs["speed"][0] / rows.tasks["wheel_speed_max"][0])
         self.history["std"].append(10.0 ** (self._observation[layout["uncertainty"]][:3].astype(float) - 2.0))
         self.history["outside"].append(self.info["outside"])
         information.append((information[-1] if information else 0.0) + self.info["information_gain"])
@@ -76,7 +86,7 @@ class Rollout:
     @property
     def error(self) -> float:
         """Present relative error of the inertia."""
-        return float(self.info["relative_error"])
+        return self.history["relative_error"][-1]
 
     @property
     def mean_error(self) -> float:
@@ -104,8 +114,11 @@ class Pairing:
     .toml or .csv file, or module:name (runs the module's code)."""
     scenario: ScenarioText = "default"
     """Scenario: a name, a .json or .toml file, or module:name (runs the module's code)."""
-    horizon: float = 300.0
-    """Length of the episode, s."""
+    control: Literal["torque", "rate"] = "torque"
+    """What policies command: wheel torque, or body rates, by which `flex`, `slosh`, `calibration` and `operations` are
+    flown in the standing table. Baselines then have the settings of that table."""
+    horizon: float | None = None
+    """Length of the episode, s; that of the scenario if not given."""
     seed: int = FIRST_SEED["validation"]
     """Seed of the episode."""
     prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
@@ -127,13 +140,12 @@ class Pairing:
         (satellite,), (inertia,) = select_satellites([self.satellite]), select_inertias([self.inertia], _MODES)
         scenario = select_scenario(self.scenario)
         check_number("seed", self.seed)
-        world = benchmark_scenario(scenario).replace(horizon=self.horizon)
-        constants, place = (self.satellite, satellite), (self.scenario, scenario)
-        self.prepared.check([constants], [place])
-        texts = (self.policy, self.beside)
-        policies = [
-            self.prepared.policy(t, satellite, place, [constants]) if t in BASELINES else learned(t) for t in texts
-        ]
+        world = benchmark_scenario(scenario)
+        if self.horizon is not None:
+            world = world.replace(horizon=self.horizon)
+        place = (self.scenario, scenario)
+        self.prepared.check([(self.satellite, satellite)], [place])
+        policies = [self._policy(text, satellite, place) for text in (self.policy, self.beside)]
         if policies[0].name == policies[1].name and self.policy != self.beside:
             raise ValueError(
                 f"both policies have the name {policies[0].name!r}: tell them apart by NAME=PATH, "
@@ -148,6 +160,7 @@ class Pairing:
                     world,
                     render_mode=render_mode,
                     render_size=render_size,
+                    control=self.control,
                     **observation_settings(policy),
                 ),
                 self.seed,
@@ -155,3 +168,23 @@ class Pairing:
             for policy in policies
         )
         return first, second
+
+    def _policy(self, text: str, satellite: Satellite, place: tuple[str, Scenario]) -> Policy:
+        """A baseline with its settings for what it commands here, or a learned policy."""
+        scenario = place[1]
+        if self.control == "torque":
+            if text in RATE_BASELINES:
+                raise ValueError(f"{text} commands body rates: add --control rate")
+            constants = [(self.satellite, satellite)]
+            return self.prepared.policy(text, satellite, place, constants) if text in BASELINES else learned(text)
+        if scenario.name in JUDGED and text in rivals(scenario.name):
+            return tuned_rival(scenario.name, satellite.name, text)[1]
+        if text not in BASELINES and text not in RATE_BASELINES:
+            return learned(text)
+        try:
+            return build(text, {})
+        except TypeError as error:
+            raise ValueError(
+                f"{text} has no settings by body rates in scenario {scenario.name!r}, only in {', '.join(JUDGED)}: "
+                "choose one of these, or fly it by torque, without --control"
+            ) from error

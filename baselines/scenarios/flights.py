@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from satid_gym.fleet import Fleet
 from satid_gym.gym_api import COSTS
 from satid_gym.metrics import SETTLING
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
@@ -82,7 +83,7 @@ def flown(
         show_filter(policy, env.fleet.rows.beliefs, env.fleet.rows.tasks)
         observation, _, terminated, _, info = env.step(policy(observation))
         lived += alive
-        error = np.where(alive, _error(env), error)
+        error = np.where(alive, unit_free_error(env.fleet), error)
         now = np.where(alive, _expected(env), np.inf)
         expected += now / steps
         settled = alive & ~_settles(env)
@@ -111,10 +112,10 @@ def _expected(env: SatInertiaIDVectorEnv) -> np.ndarray:
     return np.exp(0.5 * np.linalg.slogdet(covariance)[1] / p - np.log(scale).mean(axis=1))
 
 
-def _error(env: SatInertiaIDVectorEnv) -> np.ndarray:
-    """Relative error (N,) of the estimate, times the factor of the true rotors' mean inertia."""
-    reports, plants = env.fleet.rows.reports, env.fleet.rows.plants
-    factor = (plants["wheel_inertia"] / env.fleet.rows.beliefs["wheel_inertia"]).mean(axis=1)
-    true = reports["inertia_true"].reshape(len(factor), -1)
-    estimate = reports["inertia_estimate"].reshape(len(factor), -1)
+def unit_free_error(fleet: Fleet) -> np.ndarray:
+    """Relative error (N,) of the estimate, times the factor of the true rotors' mean inertia, which is often 1."""
+    rows = fleet.rows
+    factor = (rows.plants["wheel_inertia"] / rows.beliefs["wheel_inertia"]).mean(axis=1)
+    true = rows.reports["inertia_true"].reshape(len(factor), -1)
+    estimate = rows.reports["inertia_estimate"].reshape(len(factor), -1)
     return np.linalg.norm(factor[:, None] * estimate - true, axis=1) / np.linalg.norm(true, axis=1)

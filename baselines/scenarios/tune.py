@@ -101,18 +101,15 @@ def tuned(scenario: str, satellite: str, file: Path = TUNED) -> dict[str, Trial]
         ValueError: the file has none for one of them, or those of an older grid.
         DamagedFileError: it holds no settings.
     """
-    known = _settings(file)
-    return {
-        name: trials[0]
-        if len(trials) == 1
-        else _found(trials, known.get((scenario, satellite, name)), (scenario, satellite, name))
-        for name, trials in rivals(scenario).items()
-    }
+    return {name: tuned_rival(scenario, satellite, name, file) for name in rivals(scenario)}
 
 
-def _found(trials: Sequence[Trial], settings: Mapping[str, Any] | None, place: tuple[str, str, str]) -> Trial:
-    """The one of the trials that has these settings."""
-    scenario, satellite, name = place
+def tuned_rival(scenario: str, satellite: str, name: str, file: Path = TUNED) -> Trial:
+    """One of the rivals of a scenario; see `tuned`."""
+    trials = rivals(scenario)[name]
+    if len(trials) == 1:
+        return trials[0]
+    settings = _settings(file).get((scenario, satellite, name))
     command = f"python -m baselines.scenarios.tune --scenarios {scenario} --satellites {satellite} --policies {name}"
     if settings is None:
         raise ValueError(f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}: run {command}")

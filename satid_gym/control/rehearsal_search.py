@@ -13,6 +13,7 @@ from satid_gym.core.random import uniform
 _LEVELS = 3  # of a rate, over its limit: a third, two, and all of it
 _SPAN = 6.0  # decisions that a change lasts, mean
 _STOP = (6.0, 18.0)  # decisions
+_SWING = 12.0  # decisions between two stops, at most
 
 
 class Search(NamedTuple):
@@ -50,8 +51,19 @@ def _hold(plan, start, span, level, axis, stream):
 
 
 @inline
-def _edit(plan, stream):
-    """Change a plan (H, 3): what follows sooner or later, a stop, or other rates for a while."""
+def _stop(plan, start, stream):
+    """Stop at a decision, and move what follows to after it; returns when it goes on."""
+    span = np.int64(_STOP[0] + (_STOP[1] - _STOP[0]) * uniform(stream))
+    _move(plan, start, span, True)
+    return start + span
+
+
+@inline
+def _edit(plan, stars, stream):
+    """Change a plan (H, 3): what follows sooner or later, one stop or two, or other rates for a while.
+
+    Where attitudes are read from `stars`, a first stop may tell nothing before a second has followed.
+    """
     ahead = plan.shape[0]
     start, kind = np.int64(ahead * uniform(stream)), uniform(stream)
     span = 1 - np.int64(_SPAN * np.log(uniform(stream)))
@@ -61,7 +73,9 @@ def _edit(plan, stream):
     elif kind < 0.3:
         _move(plan, start, span, False)
     elif kind < 0.4:
-        _move(plan, start, np.int64(_STOP[0] + (_STOP[1] - _STOP[0]) * uniform(stream)), True)
+        again = _stop(plan, start, stream)
+        if stars and uniform(stream) < 0.5:
+            _stop(plan, min(again + 1 + np.int64(_SWING * uniform(stream)), ahead), stream)
     elif kind < 0.43:
         plan[:] = 0.0
     elif kind < 0.5:
@@ -94,7 +108,7 @@ def improve_rehearsed(flights, plans, shares, trails, scratch, streams, search):
         best = trail.losses[ahead] + search.tail * (trail.losses[ahead] - trail.losses[ahead - 1])
         for _ in range(search.edits):
             trial[:] = plan
-            _edit(trial, streams[i])
+            _edit(trial, trail.beliefs[0].attitude.on != 0, streams[i])
             first = 0  # until then the trial is the plan
             while first < ahead and (trial[first] == plan[first]).all():
                 first += 1

@@ -11,7 +11,7 @@ from satid_gym.core.algebra import (
     store,
     store_symmetric,
 )
-from satid_gym.core.belief import adaptation, alignment, attitude, calibration, gating, modes, whiteness
+from satid_gym.core.belief import adaptation, alignment, attitude, calibration, gating, modes, retraction, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -46,7 +46,7 @@ def start_momentum(belief, work, gyro):
     omega, a = calibration.corrected(belief, gyro), load(belief.wheel_input)
     inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
     store(belief.mean, add(add(multiply(inertia, omega), modes.momentum(belief)), a))
-    store(belief.reference_rate, omega)
+    retraction.start_reference(belief, omega)
     covariance, rows, identity = belief.covariance, work.rows, work.jacobian[0]
     store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, omega, work.regressor)

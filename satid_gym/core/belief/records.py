@@ -49,6 +49,9 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lin
             ("speed", FLOAT, n),  # wheel speeds that the filter uses
             ("rate_coordinates", INT),  # 1: updates are made in errors of the rate, see `retraction`
             ("reference_rate", FLOAT, 3),  # of these updates
+            ("smoothed_rate", FLOAT, 3),  # running mean of the most likely rate
+            ("smoothed_count", INT, 3),  # readings in it
+            ("has_moved", INT, 3),  # 1: the axis has turned beyond the noise of the tachometers
             ("stepped", INT),  # 1: since a step of the inertia was found theta is known coarsely
             ("is_told", INT),  # 1: of a deployment or release when it is commanded, see `announcement`
             ("announced", FLOAT),  # share of the change that comes in this sample

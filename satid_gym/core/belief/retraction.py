@@ -7,10 +7,19 @@ omega, as of a gyro's bias, then makes a reading look like information on theta 
     d omega = J^-1 (dM - L(omega) dtheta - sum_k Omega_k de_k)
 
 with e all errors of the wheels' momentum, and with what `modes` add to it, a reading has no derivative by theta, and
-only a change of the rate in time, by the wheels, tells of it. So the mean is moved in (omega, theta, ...),
-M = J omega + a follows, and the covariance of M is taken to the new omega and J. The rate at which derivatives are
-taken, `reference_rate`, follows these corrections; it follows the motion where that is beyond the noise of the
-tachometers, which are no excitation.
+only a change of the rate in time, by the wheels, tells of it. So the mean is moved in (omega, theta, ...), M follows,
+and the covariance of M is taken to the new omega and J. All this is done at one rate r, `reference_rate`:
+
+    M - a goes from m to m + J' (r + d omega) - J r,   J' the new J
+
+At the filter's own rate J^-1 m, which has the noise of the tachometers, as the innovation has, M would take up that
+noise times the change of theta, at each reading with the same sign: J would grow for as long as the flight lasts.
+
+r follows d omega and the motion: the most likely rate y at once where that is beyond the noise of the tachometers, and
+else a running mean of y, whose noise is hardly any excitation. A reference that stayed where it is within the noise
+would be off the rate for minutes: motion that never was. Of a body that never moves even the running mean's noise would
+tell something; so until an axis has moved r is the mean of its first readings, and it has moved where the running mean
+is off that by more than the noise of both.
 Source: this project's design; its model is the invariant EKF, Barrau and Bonnabel, The invariant extended Kalman filter
 as a stable observer (2017), where errors are chosen so that what cannot be observed does not depend on the estimate.
 """
@@ -23,22 +32,46 @@ from satid_gym.core.belief.kalman import estimated_inertia, inertia_of, propagat
 from satid_gym.core.jit import inline, outline
 
 EXCITATION_SIGMAS = 5.0  # standard deviations within which a rate, or its change, counts as noise, not excitation
+_BEYOND = EXCITATION_SIGMAS**2
+_FOLLOWING = 0.1  # share of the way that the running mean goes at a reading
+_FIRST = 100  # readings whose mean is the reference until an axis has moved
 
 
 @inline
-def _moved(rate, likely, spin):
-    """`likely` where it differs from `rate` by more than the noise of two readings, each of variance spin."""
-    change = likely - rate
-    return likely if change * change > EXCITATION_SIGMAS**2 * 2.0 * spin else rate
+def start_reference(belief, rate):
+    """Take a first rate (3,), rad/s, for the reference."""
+    store(belief.reference_rate, rate)
+    store(belief.smoothed_rate, rate)
+    for axis in range(3):
+        belief.smoothed_count[axis], belief.has_moved[axis] = 1, 0
+
+
+@inline
+def _move_axis(belief, axis, likely, spin):
+    """Move the reference about one axis to the most likely rate, which has noise of variance spin."""
+    rate, smoothed, count, noise = belief.reference_rate, belief.smoothed_rate, belief.smoothed_count, spin * _BEYOND
+    if (likely - rate[axis]) ** 2 > 2.0 * noise:  # of two readings
+        rate[axis] = smoothed[axis] = likely
+        count[axis] = belief.has_moved[axis] = 1
+        return
+    count[axis] += 1
+    share = 1.0 / count[axis]
+    smoothed[axis] += max(share, _FOLLOWING) * (likely - smoothed[axis])
+    if belief.has_moved[axis] == 0:
+        if count[axis] <= _FIRST:
+            rate[axis] += share * (likely - rate[axis])
+        elif (smoothed[axis] - rate[axis]) ** 2 > (_FOLLOWING / (2.0 - _FOLLOWING) + 1.0 / _FIRST) * noise:
+            belief.has_moved[axis] = 1
+    if belief.has_moved[axis] != 0:
+        rate[axis] = smoothed[axis]
 
 
 @inline
 def move_reference(belief, likely, spin):
     """Rate at which derivatives are taken, moved to the most likely rate; spin: its covariance by the tachometers."""
-    rate = load(belief.reference_rate)
-    rate = _moved(rate[0], likely[0], spin[0]), _moved(rate[1], likely[1], spin[1]), _moved(rate[2], likely[2], spin[2])
-    store(belief.reference_rate, rate)
-    return rate
+    for axis in range(3):
+        _move_axis(belief, axis, likely[axis], spin[axis])
+    return load(belief.reference_rate)
 
 
 @inline
@@ -54,7 +87,8 @@ def finish(belief, work):
     p, n, w = belief.prior_theta.shape[0], belief.calibration.spin_count, belief.calibration.spins
     scale, mean, prior, rate = belief.calibration.spin_scale, belief.mean, work.prior_mean, load(belief.reference_rate)
     flexible = belief.modes.coupling.shape[0]
-    J_inv = inverse(modes.body_inertia(belief, prior, inertia_of(prior[3 : 3 + p])))
+    before = modes.body_inertia(belief, prior, inertia_of(prior[3 : 3 + p]))
+    J_inv = inverse(before)
     carried = subtract(load(prior), load(belief.wheel_input))
     identity, turned, regressor, transition = work.jacobian[0], work.jacobian[1], work.regressor, work.transition
     first_mode = 6 + p
@@ -84,7 +118,7 @@ def finish(belief, work):
     if belief.alignment.noise_taps == 0:
         lasting = change
     correction = multiply(J_inv, change)
-    omega = add(multiply(J_inv, carried), correction)
+    carried = add(carried, subtract(multiply(inertia, add(rate, correction)), multiply(before, rate)))
     for i in range(3):
         for j in range(transition.shape[1]):
             transition[i, j] = 0.0
@@ -96,7 +130,8 @@ def finish(belief, work):
         for k in range(n):
             for j in range(3):
                 transition[i, w + 3 * k + j] = scale[k] * (identity[i, j] - turned[i, j])
-    rate = add(rate, multiply(J_inv, lasting))
+    lasting = multiply(J_inv, lasting)
+    rate = add(rate, lasting)
     if flexible > 0:
         _write_modes(belief, work, rate, turned)
     write_times_regressor(identity, rate, regressor)
@@ -105,9 +140,10 @@ def finish(belief, work):
             transition[i, 3 + k] += regressor[i, k]
     propagate(belief, work, 0.0)
     store(belief.reference_rate, rate)
+    store(belief.smoothed_rate, add(load(belief.smoothed_rate), lasting))
     a = calibration.wheel_input(belief, belief.speed)
     store(belief.wheel_input, a)
-    total = add(multiply(inertia, omega), a)
+    total = add(carried, a)
     store(mean, total if flexible == 0 else add(total, modes.momentum(belief)))
 
 

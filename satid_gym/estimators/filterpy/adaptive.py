@@ -57,7 +57,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
 
     def _condition(self, gyro: np.ndarray) -> float:
         kf, theta = self.filter, slice(3, 3 + self.model.p)
-        mean, covariance, reference = kf.x.copy(), kf.P.copy(), self.model.reference
+        mean, covariance, reference = kf.x.copy(), kf.P.copy(), self.model.reference_state
         coarse = self.model.iterations(mean, covariance) > 1
         nis = super()._condition(gyro)
         if not coarse and (3.0 * nis <= 40.0 or self._since_step < 30.0):
@@ -65,7 +65,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
             return nis
         if not coarse:
             covariance[theta, theta] += np.diag((0.1 * self._scale) ** 2)
-            kf.x, kf.P, self.model.reference = mean, covariance, reference
+            kf.x, kf.P, self.model.reference_state = mean, covariance, reference
             self._stepped = True
             self._count_step()
             before, known = kf.x.copy(), kf.P.copy()

@@ -59,7 +59,7 @@ class CalibratedModel(MomentumModel):
         """Write M = J omega + a of one reading, with what is known of theta and the errors."""
         bias, gain, wheels = self.errors(x)
         omega = np.linalg.solve(np.eye(3) + gain, gyro - bias)
-        self.reference = omega
+        self.start_reference(omega)
         inertia = tensor(self.split(x)[1])
         x[:3] = inertia @ omega + (self.spin + wheels) @ a
         by_errors = self._columns(-inertia, -inertia @ np.kron(np.eye(3), omega), np.kron(a, np.eye(3)))

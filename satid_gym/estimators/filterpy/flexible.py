@@ -101,7 +101,8 @@ class FlexibleModel(CalibratedModel):
     def start_momentum(self, x: np.ndarray, covariance: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> None:
         """Write M of one reading, with what is known of theta, the modes and the errors."""
         bias, gain, wheels = self.errors(x)
-        self.reference = omega = np.linalg.solve(np.eye(3) + gain, gyro - bias)
+        omega = np.linalg.solve(np.eye(3) + gain, gyro - bias)
+        self.start_reference(omega)
         inertia = self.inertia(x)
         x[:3] = inertia @ omega + (self.spin + wheels) @ a + self.carried(x)
         rows = -self.spin_errors(x, a, omega)

@@ -75,10 +75,11 @@ class Gate:
         """
         self.stepped = False
         model, x = self.model, kf.x
+        reference = model.reference_state
         innovation, slope = gyro - model.rate(x, a), model.measurement_jacobian(x, a, gyro)
         nis = float(innovation @ np.linalg.solve(slope @ kf.P @ slope.T + model.measurement_noise(x), innovation))
         if nis <= self.threshold:
-            self.rejections = 0
+            self.rejections, model.reference_state = 0, reference
             return 0.0
         if self.rejections == 0:
             self.since_rejection = 1
@@ -93,7 +94,7 @@ class Gate:
         way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
         change = (0.1 * model.prior.theta_scale(model.parameters)) ** 2
         kf.P[: 3 + p, : 3 + p] += way * change @ way.T
-        self.stepped = True
+        self.stepped, model.reference_state = True, reference
         return 0.0
 
     def attribute(self, change: np.ndarray) -> np.ndarray:

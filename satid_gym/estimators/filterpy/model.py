@@ -44,7 +44,7 @@ class MomentumModel:
         self.p = PARAMETER_COUNT[self.parameters]
         self.size = self.p + 6
         self.rate_coordinates = settings.updates_rate(prior)
-        self.reference = np.zeros(3)
+        self.start_reference(np.zeros(3))
         wheels = prior.wheels
         self.spin = wheels.axes * wheels.inertia
         self.spin_covariance = self.spin @ self.spin.T * prior.tachometer_noise_std**2
@@ -75,13 +75,42 @@ class MomentumModel:
 
     def start_momentum(self, x: np.ndarray, covariance: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> None:
         """Write M = J omega + a of one reading, with what is known of theta and nothing of M before."""
-        self.reference = gyro.copy()
+        self.start_reference(gyro)
         inertia, regress = tensor(self.split(x)[1]), regressor(gyro, self.p)
         x[:3] = inertia @ gyro + a
         covariance[:3, 3:] = regress @ covariance[3 : 3 + self.p, 3:]
         covariance[3:, :3] = covariance[:3, 3:].T
         noise = inertia @ inertia * self.prior.gyro_noise_std**2 + self.spin_covariance
         covariance[:3, :3] = covariance[:3, 3 : 3 + self.p] @ regress.T + noise
+
+    def start_reference(self, rate: np.ndarray) -> None:
+        """Take a first rate (3,), rad/s, for the reference and its running mean."""
+        self.reference, self.smoothed = rate.copy(), rate.copy()
+        self.count, self.has_moved = np.ones(3), np.zeros(3, bool)
+
+    @property
+    def reference_state(self) -> tuple[np.ndarray, ...]:
+        """Reference, its running mean, and what is counted of them, (3,) each."""
+        return self.reference, self.smoothed, self.count, self.has_moved
+
+    @reference_state.setter
+    def reference_state(self, state: tuple[np.ndarray, ...]) -> None:
+        self.reference, self.smoothed, self.count, self.has_moved = state
+
+    def move_reference(self, likely: np.ndarray, spin: np.ndarray) -> None:
+        """Move the reference to the most likely rate (3,), whose noise has the variances spin (3,).
+
+        Where the change is more than noise at once, else to a running mean; until an axis has moved to the mean of its
+        first 100 readings.
+        """
+        moved = (likely - self.reference) ** 2 > 50.0 * spin
+        self.count = np.where(moved, 1.0, self.count + 1.0)
+        self.smoothed = self.smoothed + np.maximum(1.0 / self.count, 0.1) * (likely - self.smoothed)
+        begins = ~self.has_moved & ~moved & (self.count <= 100.0)
+        mean = self.reference + (likely - self.reference) / self.count
+        known = ~begins & ((self.smoothed - self.reference) ** 2 > 25.0 * (0.1 / 1.9 + 0.01) * spin)
+        self.has_moved = self.has_moved | moved | known
+        self.reference = np.where(begins, mean, np.where(self.has_moved, self.smoothed, self.reference))
 
     def inertia(self, x: np.ndarray) -> np.ndarray:
         """J (3, 3) of a state: what the body's rate carries."""
@@ -148,15 +177,14 @@ class MomentumModel:
     def likely_rate(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """The rate that prediction and reading make most likely, (3,); 0 where that is within its noise.
 
-        In rate coordinates, the reference, which moves there where the change is more than noise.
+        In rate coordinates, the reference, which follows it.
         """
         J_inv = np.linalg.inv(self.inertia(x))
         spin = J_inv @ self.spin_covariance @ J_inv
         noise = self.measurement_noise(x)
         likely = self.rate(x, a) + spin @ np.linalg.solve(noise, gyro - self.reading(x, a))
         if self.rate_coordinates:
-            moved = (likely - self.reference) ** 2 > 50.0 * np.diag(spin)
-            self.reference = np.where(moved, likely, self.reference)
+            self.move_reference(likely, np.diag(spin))
             return self.reference
         likely[likely**2 <= 25.0 * np.diag(spin) * (1.0 - np.diag(spin) / np.diag(noise))] = 0.0
         return likely

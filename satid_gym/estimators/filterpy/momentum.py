@@ -221,9 +221,10 @@ class FilterpyMomentumEKF(Reference):
         kf.update(reading, lambda _: slope, lambda _: value, R=noise)
         to_rate = np.linalg.solve(model.inertia(x), model.spin_errors(x, a, model.reference))
         correction = to_rate @ (kf.x - x)
-        model.reference = model.reference + correction
-        inertia, identity = model.inertia(kf.x), np.eye(model.size)
+        before, inertia, identity = model.inertia(x), model.inertia(kf.x), np.eye(model.size)
+        carried = before @ (omega - model.reference) + inertia @ (model.reference + correction)
+        model.reference, model.smoothed = model.reference + correction, model.smoothed + correction
         identity[:3] = inertia @ to_rate + identity[:3] - model.spin_errors(kf.x, a, model.reference)
         kf.P = identity @ kf.P @ identity.T
-        kf.x[:3] += inertia @ (omega + correction - model.rate(kf.x, a))
+        kf.x[:3] += carried - inertia @ model.rate(kf.x, a)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
