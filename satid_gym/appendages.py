@@ -19,19 +19,19 @@ _LOG_STD_MAX = 0.5  # as of an oscillator
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Appendages(Config, abc.ABC):
-    """Base of the ranges, (low, high) each, drawn log-uniformly: one data sheet for each of `sheets` draws.
+    """Base class of log-uniform ranges (low, high) from which `sheets` data sheets are drawn.
 
     Attributes:
-        share: of panels, d^2 / J, the part of an axis's inertia that their mode takes along (d: `Mode.coupling`); of a
-            tank, the part of the mass that sloshes.
+        share: for panels d^2 / J, the share of an axis's inertia that moves with their mode (d: `Mode.coupling`); for a
+            tank the share of the mass that sloshes.
         frequency: Hz, of the data sheet.
         damping: damping ratio of the data sheet.
         mass_std: std of the logarithm of the true mass about the data sheet's.
-        frequency_std: the same of the frequency.
-        damping_std: the same of the damping ratio.
-        deflection_limit: rad of panels, m of a tank's mass; None: no limit.
+        frequency_std: the same for the frequency.
+        damping_std: the same for the damping ratio.
+        deflection_limit: rad for panels, m for a tank's mass; None: no limit.
         sheets: data sheets to draw; an episode flies one of them.
-        seed: of these draws.
+        seed: seed of these draws.
 
     Raises:
         ValueError: a range is reversed or out of bounds, or a number is out of range.
@@ -59,7 +59,7 @@ class Appendages(Config, abc.ABC):
             check_number("deflection_limit of the appendages", self.deflection_limit, strict=True)
 
     def equip(self, satellite: Satellite) -> tuple[Satellite, ...]:
-        """The satellite with these appendages, once for each data sheet; itself where it is one of these already.
+        """The satellite with these appendages, once for each data sheet; unchanged if it already is one of these.
 
         Raises:
             ValueError: it has oscillators of its own, lacks what places them, or cannot carry them.
@@ -91,7 +91,7 @@ class Appendages(Config, abc.ABC):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Panels(Appendages):
-    """A mirrored pair of thin panels along a body axis, hinged about another; both axes are drawn."""
+    """A mirrored pair of thin panels along a body axis, hinged about another; both axes are random."""
 
     def draw(self, satellite: Satellite, rng: np.random.Generator) -> Panel:
         """One data sheet.
@@ -106,10 +106,10 @@ class Panels(Appendages):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tank(Appendages):
-    """A sloshing mass at a drawn place, which moves across the way to it.
+    """A sloshing mass at a random place, which moves perpendicular to its position vector.
 
     Attributes:
-        arm: distance from the centre of mass, as a part of the satellite's mean size.
+        arm: distance from the centre of mass, as a share of the satellite's mean size.
     """
 
     arm: tuple[float, float] = (0.25, 0.5)

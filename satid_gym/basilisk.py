@@ -82,10 +82,10 @@ class BasiliskTruth:
         return self.state()
 
     def observe(self, process: Any) -> None:
-        """Add models to the process before it begins; a class of your own may add sensors here."""
+        """Add models to the process before it starts; a subclass may add sensors here."""
 
     def advance(self, torque: np.ndarray, disturbance: np.ndarray, duration: float) -> State:
-        """Move on by `duration` seconds of constant motor torque (n,) and torque from outside (3,), N m."""
+        """Advance by `duration` seconds of constant motor torque (n,) and external torque (3,), N m."""
         self.command.motorTorque = [*torque.tolist(), *[0.0] * (_WHEELS - len(torque))]
         self.command_message.write(self.command, self.sim.TotalSim.CurrentNanos)
         self.push.extTorquePntB_B = _column(disturbance)
@@ -95,7 +95,7 @@ class BasiliskTruth:
         return self.state()
 
     def state(self) -> State:
-        """The state now."""
+        """Present state."""
         body = self.body.scStateOutMsg.read()
         sigma, count = np.array(body.sigma_BN), self.episode.satellite.wheels.count
         square = sigma @ sigma
@@ -113,7 +113,7 @@ class BasiliskTruth:
         return float(self.body.dynManager.getStateObject(model.nameOfRhoState).getState()[0][0])
 
     def _hub(self) -> Any:
-        """What is left of the satellite without panels and slosh masses; the centre of mass of the whole is B."""
+        """Hub: the satellite without panels and slosh masses; the centre of mass of the whole is B."""
         body, episode = spacecraft.Spacecraft(), self.episode
         own, mass = episode.satellite.oscillators, episode.satellite.mass or _MASS
         hub = mass - sum(o.count * o.mass for o in own)

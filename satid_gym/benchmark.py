@@ -1,4 +1,4 @@
-"""`python -m satid_gym.benchmark`: how fast it is, printed and written as JSON.
+"""`python -m satid_gym.benchmark`: speed of the library, printed and written as JSON.
 
 Machines differ and are shared: quote ratios of figures from one run.
 """

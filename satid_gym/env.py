@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
-    """A satellite with reaction wheels finds out its own, time-varying inertia by the torques it chooses.
+    """A satellite with reaction wheels identifies its own time-varying inertia by the torques it chooses.
 
     ## Description
     The truth is a body with n >= 3 reaction wheels under torque and speed limits, external torque and noise, and with
@@ -40,22 +40,22 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     10 Hz, 300 s.
 
     ## Action space
-    `Box(-1, 1, (n,), float32)`: motor torque on each wheel as a fraction of its limit, held for a decision.
-    The body feels the opposite. Values beyond are cut; NaN or another shape raise ValueError.
+    `Box(-1, 1, (n,), float32)`: motor torque on each wheel as a fraction of its limit, held for a decision. The body
+    feels the opposite. Values beyond are clipped; NaN or another shape raise ValueError.
 
     `control="rate"`: `Box(-1, 1, (3,), float32)`, the body rate to fly as a fraction of the rate limit, about each body
     axis. A rate loop in the environment turns it into torque, sample by sample, on the filter's estimate of the
-    inertia. Its noise lies about the reference, so that an action of 1 is beyond the limit half of the time; `info`
+    inertia. The rate scatters about the reference, so with an action of 1 it exceeds the limit half of the time; `info`
     and costs are the same, and the observation's `command` is the action, 3 numbers in both forms.
 
     ## Observation space
-    `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and
-    p = 3 moments of inertia; p = 6 where a satellite, the law or the scenario has products of inertia.
-    `env.unwrapped.layout` gives the slices by name. `include_covariance=True` appends the last two parts, with which
-    all of the filter's covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque
-    (MomentumEKF, adaptive or not, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n).
-    `include_walk=True` puts one number before these two parts, `inertia_walk`: log10(random walk of each moment over
-    its scale that the filter uses, per sqrt(s)) + 2; -10 where it is 0.
+    `Box(-10, 10, (16 + 2 n + 5 p,), float32)`: belief and measurement only, 37 numbers for three wheels and p = 3
+    moments of inertia; p = 6 where a satellite, the law or the scenario has products of inertia. `env.unwrapped.layout`
+    gives the slices by name. `include_covariance=True` appends the last two parts, with which all of the filter's
+    covariance is observed (70 numbers). Its s states are momentum, parameters, disturbance torque (MomentumEKF,
+    adaptive or not, s = p + 6) or rate, parameters, wheel speeds (RateEKF, s = p + 3 + n). `include_walk=True` puts one
+    number before these two parts, `inertia_walk`: log10(the filter's random walk of each moment / its scale, per
+    sqrt(s)) + 2; -10 where it is 0.
 
     | name | size | meaning |
     |---|---|---|
@@ -65,9 +65,9 @@ class SatInertiaIDEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | uncertainty | p | log10(filter's std / scale) + 2 |
     | disturbance | 3 | estimated disturbance torque / its prior std |
     | correlation | 3 p | filter's correlation of each momentum (rate) component with each parameter |
-    | control_authority | 3 | rate limits gained by a decision of full torque, by prior inertia |
+    | control_authority | 3 | change of the rate by a decision of full torque / rate limit, by prior inertia |
     | momentum_fraction | 3 | share of the wheels' momentum that turning at the rate limit takes, by prior inertia |
-    | coast_rate_change | 3 | rate limits that the body is about to gain in a decision without command, by the belief |
+    | coast_rate_change | 3 | predicted change of the rate in a decision without command / rate limit, by the belief |
     | command | n | previous action; 3 under control="rate" |
     | time_left | 1 | fraction of the horizon |
     | state_uncertainty | s - p | log10(filter's std / scale) + 2 of the other states; scale: prior moment times rate \
@@ -77,34 +77,34 @@ without the 3 x p block that `correlation` holds |
 
     ## Observation in the body frame
     `observation="body"`: `Box(-10, 10, (25 + 5 p + 11 m,), float32)` for a filter that estimates m modes of panels and
-    slosh, 40 numbers for p = 3 and m = 0. What the wheels do to the body takes the place of each wheel's state, so
-    that neither size nor meaning depends on how many there are (but for the last two parts where the RateEKF flies or
-    wheels have tolerances). The first three parts below replace `wheel_speed` and `command`, in their places, the
-    others follow `time_left`; all other parts are as above. A are the wheels' axes (3, n), j their inertia.
+    slosh, 40 numbers for p = 3 and m = 0. The wheels' effect on the body replaces the state of each wheel, so that size
+    and meaning do not depend on the number of wheels (except for the last two parts, with the RateEKF or tolerances of
+    the wheels). The first three parts below take the places of `wheel_speed` and `command`, the others follow
+    `time_left`; all other parts are as above. A are the wheels' axes (3, n), j their inertia.
 
     | name | size | meaning |
     |---|---|---|
-    | wheel_momentum | 3 | A j Omega by the tachometers / the most that the wheels can store along each axis, \
+    | wheel_momentum | 3 | A j Omega by the tachometers / the largest that the wheels can store along each axis, \
 abs(A) j Omega_max |
-    | fastest_wheel | 2 | the largest share of its speed limit that a wheel has, and the largest that one can come to \
-while each rate is within its limit, by the belief and by least norm of wheel momentum: above 1 a wheel may saturate |
-    | command | 3 | previous action as torque on the body, -A u, / the most that the wheels can give along each axis, \
-abs(A) u_max; under control="rate" the action |
+    | fastest_wheel | 2 | largest wheel speed / its limit: now, and the largest possible while each rate is within its \
+limit, by the belief and least-norm wheel momentum; above 1 a wheel may saturate |
+    | command | 3 | previous action as torque on the body, -A u, / the largest that the wheels can give along each \
+axis, abs(A) u_max; under control="rate" the action |
     | nis | 1 | log10 of the decision's mean normalised innovation squared, per degree of freedom: about 0 when \
-honest, and 0 where no reading was compared |
-    | modes | 11 m | of each mode in turn, the numbers of the next table |
+consistent, and 0 without an update |
+    | modes | 11 m | for each mode, the numbers of the next table |
 
     ## Modes in the observation
     eta is the mode's deflection, d its coupling, w its frequency in rad/s, zeta its damping ratio, as in
     `satid_gym.modes.Mode`. With `include_covariance=True` the scales of eta and its momentum are those of the first two
-    numbers, those of errors of sensors and wheels their prior std; the logarithms of w, abs(d) and zeta have none.
+    numbers, those of errors of sensors and wheels their prior std; the logarithms of w, abs(d) and zeta are not scaled.
 
     | name | size | meaning |
     |---|---|---|
-    | deflection | 1 | eta / (abs(d) rate limit / w) by nominal d and w: a step of the body rate by its limit, about \
-the axis of d, rings to 1, a reversal to 2 |
+    | deflection | 1 | eta / (abs(d) rate limit / w) by nominal d and w: a step of the body rate by its limit about \
+the axis of d oscillates up to 1, a reversal up to 2 |
     | deflection_rate | 1 | deta/dt / (abs(d) rate limit) by nominal d |
-    | deflection_limit | 1 | what of deflection is the limit; 10 where it is larger, or there is none |
+    | deflection_limit | 1 | the mode's limit, scaled as `deflection`; 10 where it is larger, or without a limit |
     | frequency | 1 | w / (2 pi) times the decision period: oscillations in a decision with the body held still |
     | frequency_std | 1 | log10(filter's std of log w) + 2; -10 where it is 0 |
     | coupling | 3 | d_i / sqrt(J_ii) by the belief: the square is the mode's share of axis i's inertia |
@@ -113,8 +113,8 @@ the axis of d, rings to 1, a reversal to 2 |
     | damping_std | 1 | log10(filter's std of log zeta) + 2; -10 where it is 0 |
 
     ## Attitude in the observation
-    Where there is a star tracker, both forms have these after the parts above, before those of `include_covariance`,
-    whose scale of an attitude error is 1 rad.
+    With a star tracker both forms have these after the parts above, before those of `include_covariance`, in which the
+    scale of an attitude error is 1 rad.
 
     | name | size | meaning |
     |---|---|---|
@@ -123,12 +123,12 @@ the attitude is not known |
     | attitude_age | 1 | time since the tracker's last reading / decision period, or since the start before the first; \
 at most 10 |
     | sun | 3 | direction of the Sun in the body frame, by the ephemeris and the estimated attitude; 0 where the \
-attitude is not known. Only where the Sun blinds the tracker, or the scenario has operations |
-    | earth | 3 | likewise of the Earth's centre, where the Earth blinds the tracker |
+attitude is not known. Only if the Sun blinds the tracker, or the scenario has operations |
+    | earth | 3 | likewise for the Earth's centre; only if the Earth blinds the tracker |
     | window | 2 | time to the opening and to the closing of the imaging window that is open or comes next / 60 s; the \
-first is negative while it is open. This and the next where the scenario has operations |
+first is negative while it is open. This and the next only if the scenario has operations |
     | target | 3 | rotation vector that brings the payload's boresight to that window's target, body frame, rad: the \
-least turn there is, by the estimated attitude; 0 where that is not known |
+smallest rotation, by the estimated attitude; 0 where that is not known |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
@@ -137,8 +137,8 @@ least turn there is, by the estimated attitude; 0 where that is not known |
     | term | default weight | meaning |
     |---|---|---|
     | gained | 0 | sum over the decision's filter updates of 1/2 log(det P before / det P after), P the \
-covariance of the inertia parameters, in nats; never negative, but where the AdaptiveEKF \
-finds a step or `inflate` raises the covariance |
+covariance of the inertia parameters, in nats; never negative, except where the adaptive filter finds a step or \
+`inflate` raises the covariance |
     | held | 0.1 | nats by which the inertia is better known at the decision's end than before launch: \
 1/2 log(det P before launch / det P) |
     | excess | 10 | sum over axes of the largest measured rate of the decision (the filter's where it accepts none) \
@@ -147,10 +147,10 @@ over the rate limit, less 1, where positive |
     | bent | 10 | largest deflection that the filter estimates in the decision over its limit, less 1, where positive |
     | effort | 0 | mean square of the torque over its limit, 0 to 1 |
 
-    `reward={"criterion": "trace" or "maxeig"}` counts A- or E-optimality, `{"net": True}` makes what is gained the
-    change over the decision instead of the sum; see `RewardSettings`. No term sees the truth.
-    What updates gain grows with what the filter forgets between them, and the AdaptiveEKF can be made to forget: hence
-    what is held is paid for.
+    `reward={"criterion": "trace" or "maxeig"}` uses A- or E-optimality, `{"net": True}` makes the gain the change over
+    the decision instead of the sum; see `RewardSettings`. No term depends on the truth. The gain of updates grows with
+    what the filter forgets between them, and a policy can make the adaptive filter forget; therefore the default pays
+    for the information held.
 
     ## Starting state
     True moments lognormal (15 %) about nominal, filter's prior at nominal (30 %); wheels uniform within 20 %
@@ -169,7 +169,7 @@ over the rate limit, less 1, where positive |
     | time | s |
     | inertia_true, inertia_estimate | (3, 3) kg m^2 |
     | relative_error | Frobenius norm of their difference over that of the truth |
-    | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when honest |
+    | nees | normalised estimation error squared of the parameters, per degree of freedom; about 1 when consistent |
     | nis | normalised innovation squared of the last update, per degree of freedom |
     | information_gain, information_held | nats of this decision, and since before launch |
     | outside | share of the decision's samples with a true rate outside the limit |
@@ -186,13 +186,13 @@ steady; "keep_out": share of the samples with the payload looking too near the S
     | constrained_updates | filter updates shortened so far to keep the estimate positive definite |
     | rejected | gyro readings that the filter has rejected so far |
     | nis_mean | mean normalised innovation squared of the last 1000 updates, per degree of freedom; about 1 when \
-consistent, and 1 where the filter is not watched (RateEKF, own estimators) |
-    | colour | largest variance of the innovations in the long run over that of white ones and over its limit; \
-beyond 1 it is an alarm |
+consistent, and 1 where the filter is not monitored (RateEKF, own estimators) |
+    | colour | largest variance of smoothed innovations, relative to white noise and to its limit; above 1 it is an \
+alarm |
     | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; a \
-periodic inertia can do it too |
+periodic inertia can cause it too |
     | inflation | factor on the variance of the readings' noise, with the estimator's `inflate`; else 1 |
-    | inertia_walk | random walk of each moment relative to its prior that the filter uses, per sqrt(s) |
+    | inertia_walk | the filter's random walk of each moment relative to its prior, per sqrt(s) |
     | steps_found | steps of the inertia that the filter has found so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |
     | deflection | (c,) largest deflection of each panel, rad, and slosh mass, m; (0,) without any |
@@ -211,22 +211,22 @@ draw from |
     | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
-    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` keeps it for its TimeLimit, which leaves the \
-horizon as it is, so there give `scenario={"horizon": seconds}` |
+    | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` uses it only for its TimeLimit, which does not \
+change the horizon; there give `scenario={"horizon": seconds}` |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
     | include_covariance | False | whether the filter's whole covariance is observed |
-    | control | "torque" | what an action is: "torque" of each wheel, or the body "rate" that the rate loop flies |
-    | observation | "wheels" | "wheels" one by one, or "body": what they do to the body, NIS and modes |
-    | include_walk | False | whether the random walk of the inertia that the filter uses is observed |
-    | truth | None | None: the environment's own truth; or an object that follows `satid_gym.truth.Truth`, as another \
-simulator does, or its module:name |
+    | control | "torque" | what an action is: "torque" of each wheel, or the body "rate" that the rate loop tracks |
+    | observation | "wheels" | "wheels": the state of each wheel; or "body": their effect on the body, NIS and modes |
+    | include_walk | False | whether the filter's random walk of the inertia is observed |
+    | truth | None | None: the environment's own truth; or an object that follows `satid_gym.truth.Truth`, such as \
+another simulator, or its module:name |
 
     `reset(options=...)` takes `satellite`, `inertia` and `true_inertia` for one episode.
 
     ## Rendering
-    `render()` gives a picture (render_size, render_size, 3) of the episode so far, for people: truth is in it. It
-    needs pygame, `pip install "satid-gym[render]"`, and changes nothing in the episode.
+    `render()` gives a picture (render_size, render_size, 3) of the episode so far, for people only, since it shows the
+    truth. It needs pygame, `pip install "satid-gym[render]"`, and does not change the episode.
 
     ## Version history
     - v0: first version.

@@ -71,7 +71,7 @@ class Flight:
         nees: normalised estimation error squared, per degree of freedom.
         information: information gain of the decision's updates, nats.
         effort: mean square of the torque over its limit.
-        reward: of each decision.
+        reward: reward of each decision.
         saturated: share of the wheels that were at their speed limit.
         alive: False after a termination; from then on error keeps its last value, outside is 1 and the rest is 0.
         step_time: time of the inertia's step, s, if it is the same in all episodes; else None.
@@ -118,7 +118,7 @@ def fly(
     num_threads: int | None = None,
     truth: str | Callable[[], Truth] | None = None,
 ) -> Flight:
-    """Time series of one policy in the episodes of one cell, flown in parallel.
+    """Fly one policy in the episodes of one cell, in parallel; returns the time series.
 
     Args:
         policy: the policy that decides.
@@ -176,7 +176,7 @@ def fly(
 
 
 def _filters(fleets: Sequence[Fleet]) -> tuple[np.ndarray, np.ndarray]:
-    """Records of the filters and tasks of all, in order."""
+    """Records of the filters and tasks of all fleets, in order."""
     beliefs, tasks = ([getattr(fleet.rows, part) for fleet in fleets] for part in ("beliefs", "tasks"))
     return (beliefs[0], tasks[0]) if len(fleets) == 1 else (concatenate(beliefs), concatenate(tasks))
 

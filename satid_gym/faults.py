@@ -25,22 +25,22 @@ _RANGES = ("gyro_dropout_duration", "gyro_outlier_size", "tachometer_stuck_durat
 class Faults(Config):
     """Faults of sensors and actuators; none unless a probability or size is given.
 
-    Dropout, stuck tachometer and wheel loss come at most once an episode each, at moments of their own. Ranges
-    (low, high) are drawn from uniformly.
+    Dropout, stuck tachometer and wheel loss each occur at most once per episode, at independent times. Values are drawn
+    uniformly from the ranges (low, high).
 
     Attributes:
-        time: when those three begin, as fractions of the horizon.
-        gyro_dropout: probability that the gyro delivers no new reading for a while; the last one stands.
+        time: start of dropout, stuck tachometer and wheel loss, as fractions of the horizon.
+        gyro_dropout: probability that the gyro delivers no new reading for a while; the last one is repeated.
         gyro_dropout_duration: s.
         gyro_dropout_silent: probability that such a dropout is not flagged as invalid.
-        gyro_outlier: probability, by sample, of a spike on one axis.
-        gyro_outlier_size: of a spike, either way, in standard deviations of the gyro's noise.
-        gyro_bias_std: std of the bias that the gyro starts with, rad/s.
+        gyro_outlier: probability per sample of a spike on one axis.
+        gyro_outlier_size: size of a spike, of either sign, in standard deviations of the gyro's noise.
+        gyro_bias_std: std of the gyro's initial bias, rad/s.
         tachometer_stuck: probability that one wheel's tachometer repeats its last reading for a while.
         tachometer_stuck_duration: s.
         wheel_loss: probability that one wheel loses a part of its motor torque from some moment on.
-        wheel_loss_size: part that it loses; 1 is a wheel that failed.
-        torque_delay: samples by which torque commands come late, an integer drawn for each episode.
+        wheel_loss_size: share of the torque that is lost; 1: the wheel has failed.
+        torque_delay: delay of torque commands in samples, an integer drawn for each episode.
 
     Raises:
         ValueError: a value is out of range.
@@ -81,11 +81,11 @@ class Faults(Config):
 
     @property
     def possible(self) -> bool:
-        """Whether anything can go wrong."""
+        """Whether any fault is possible."""
         return any(np.max(getattr(self, name)) > 0 for name in SWITCHES)
 
     def only(self, switch: str) -> Faults:
-        """These faults with all off but one of `SWITCHES`.
+        """These faults with all switched off except one of `SWITCHES`.
 
         Raises:
             ValueError: there is no such switch.

@@ -59,7 +59,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Check before long work that its results can be written to a folder, which is made if missing.
+    """Check before long work that its results can be written to a folder, which is created if missing.
 
     Raises:
         OSError: they cannot.

@@ -136,7 +136,7 @@ class Fleet:
         return self._pool
 
     def state(self) -> dict[str, np.ndarray]:
-        """Every number that the environments go on from."""
+        """All numbers from which the environments continue."""
         return {name: getattr(self.rows, name).copy() for name in _STATE}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:

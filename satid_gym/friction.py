@@ -44,7 +44,7 @@ class WheelFriction(Config):
 
     @property
     def acts(self) -> bool:
-        """Whether there is any."""
+        """Whether there is any friction."""
         return self.breakaway > 0.0 or self.viscous > 0.0
 
 

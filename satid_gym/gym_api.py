@@ -66,7 +66,7 @@ def seed_stream(rng: np.random.Generator) -> np.ndarray:
 
 
 def seed_list(seed: int | Sequence[int | None] | None, count: int) -> list[int | None]:
-    """Seed of each of so many environments: s gives the i-th s + i, a list each its own, None none.
+    """Seeds of `count` environments: from s the i-th gets s + i, from a list its own entry, from None no seed.
 
     Raises:
         ValueError: the list has another length.
@@ -85,7 +85,7 @@ def seed_list(seed: int | Sequence[int | None] | None, count: int) -> list[int |
 
 
 def real_action(name: str, value: object) -> np.ndarray:
-    """What an agent chose as float32; what overflows is infinite.
+    """An agent's action as float32; values that overflow are infinite.
 
     Raises:
         ValueError: it is not numeric.

@@ -30,12 +30,12 @@ def document(title: str, parts: Sequence[str]) -> str:
 
 
 def image(png: bytes, said: str) -> str:
-    """A picture in the page, and what it shows in words."""
+    """A picture in the page, with its description."""
     return f'<img alt="{html.escape(said)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
 
 
 def video(mp4: bytes, said: str) -> str:
-    """A video in the page, and what it shows in words."""
+    """A video in the page, with its description."""
     source = f'src="data:video/mp4;base64,{base64.b64encode(mp4).decode()}"'
     return f'<video controls aria-label="{html.escape(said)}" {source}></video>'
 

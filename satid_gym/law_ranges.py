@@ -19,17 +19,17 @@ class LawRanges(Config):
 
     Attributes:
         step_size: change of the step, relative to the inertia.
-        step_time: when it comes.
-        drift_size: change that the drift has reached at the horizon, relative to the inertia.
+        step_time: time of the step.
+        drift_size: change by the drift at the horizon, relative to the inertia.
         periodic_size: amplitude of the oscillation, relative to the inertia.
         frequency: of the oscillation, Hz.
         phase: of the oscillation, rad.
         deployment_size: m r^2 of the mass that a deployment moves out, relative to the mean moment.
-        deployment_time: when it begins.
-        deployment_duration: how long it takes, s.
-        fuel_size: m r^2 of the fuel that is gone at the horizon, relative to the mean moment.
+        deployment_time: start of the deployment.
+        deployment_duration: duration of the deployment, s.
+        fuel_size: m r^2 of the fuel used up at the horizon, relative to the mean moment.
         release_size: m r^2 of the payload that is released, relative to the mean moment.
-        release_time: when it leaves.
+        release_time: time of the release.
 
     Raises:
         ValueError: a range is reversed or outside its bounds; the message gives them.

@@ -77,7 +77,7 @@ def modes_of(value: object) -> tuple[Mode, ...]:
 
 
 def mode_of(oscillator: Oscillator, total_mass: float | None) -> Mode:
-    """Mode of an oscillator, or of a mirrored pair: that in which the two turn the body and do not move it.
+    """Mode of an oscillator; of a mirrored pair the one that rotates the body without translating it.
 
     Args:
         oscillator: the oscillator.

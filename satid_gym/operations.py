@@ -1,4 +1,4 @@
-"""Operations of a payload: when it takes images, how steadily it must point then, and what it may never look at."""
+"""Operations of a payload: imaging windows, pointing accuracy, and a keep-out around the Sun."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ _KEEP_OUT_MAX = np.pi / 4.0  # rad, with the clearance
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Operations(Config):
-    """Imaging windows, one after the other: each has a target, to which the payload points while it is open.
+    """Imaging windows, one after the other, each with a target that the payload points to while it is open.
 
-    Ranges are (low, high), and what is drawn from one is uniform. An episode's windows do not depend on what is flown.
+    Values are drawn uniformly from the ranges (low, high). An episode's windows do not depend on the policy.
 
     Attributes:
-        boresight: (3,) direction in which the payload looks, body frame; its length does not count.
+        boresight: (3,) viewing direction of the payload, body frame, of any length.
         gap: s from the start, or from the closing of a window, to the next opening.
         window: s that a window is open.
-        slew: angle from one target to the next, over what the satellite turns in the gap at its rate limit; at most
-            2 rad.
+        slew: angle from one target to the next, as a share of the angle turned in the gap at the rate limit; at most 2
+            rad.
         pointing: rad, largest angle between boresight and target while a window is open.
         steadiness: rad/s, largest body rate while a window is open.
-        keep_out: rad, angle from the Sun that the boresight keeps at all times; 0: the payload may look at it.
-        clearance: rad by which targets, and the boresight at the start, are further from it.
+        keep_out: rad, smallest allowed angle between boresight and Sun at all times; 0: no limit.
+        clearance: rad, additional distance of targets, and of the boresight at the start, from the Sun.
 
     Raises:
         ValueError: a range is reversed, or a value is out of range; the message says which.

@@ -18,7 +18,7 @@ _DAMPING_MAX, _LOG_STD_MAX = 0.5, 0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Oscillator(Config, abc.ABC):
-    """Base of panels and slosh masses: what moves against the body on a linear spring and damper.
+    """Base class of panels and slosh masses, which move relative to the body on a linear spring and damper.
 
     Attributes:
         mass: kg.
@@ -27,10 +27,10 @@ class Oscillator(Config, abc.ABC):
         mass_std: std of the logarithm of the true mass (and inertia) about the nominal one.
         frequency_std: std of the logarithm of the true frequency.
         damping_std: std of the logarithm of the true damping ratio.
-        deflection_std: std of the first deflection, rad of a panel, m of a slosh mass; it begins at rest where 0.
-        deflection_limit: rad of a panel, m of a slosh mass: a cost, a penalty and far beyond it the end; None: none.
-        mirrored: whether there is a second one, mirrored at the centre of mass and alike in all; a filter expects of
-            the two the mode in which they turn the body.
+        deflection_std: std of the initial deflection, rad for a panel, m for a slosh mass; 0: it starts at rest.
+        deflection_limit: rad or m; beyond it there are a cost and a penalty, far beyond it the end; None: no limit.
+        mirrored: whether there is a second, identical one, mirrored at the centre of mass; a filter models only the
+            mode of the pair that turns the body.
 
     Raises:
         ValueError: a value is out of range.
@@ -127,7 +127,7 @@ class Panel(Oscillator):
         object.__setattr__(self, "axis", _unit("panel axis", self.axis))
         object.__setattr__(self, "inertia", part_inertia("panel inertia", self.inertia))
         if self.inertance <= 0.0:
-            raise ValueError("a panel needs inertia about its hinge: an arm across the axis, or an inertia of its own")
+            raise ValueError("a panel needs inertia about its hinge: give an arm across the axis, or an inertia")
 
     @property
     def place(self) -> np.ndarray:
@@ -208,7 +208,7 @@ class SloshMass(Oscillator):
 
 
 def oscillator_counts(oscillators: Sequence[Oscillator]) -> tuple[int, ...]:
-    """How many each of them stands for: 2 where mirrored."""
+    """Number of oscillators that each stands for: 2 if mirrored."""
     return tuple(o.count for o in oscillators)
 
 

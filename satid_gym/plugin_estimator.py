@@ -1,4 +1,4 @@
-"""Plugin estimator: one of the user's own in the place of the core's filter; the same decision, sample by sample."""
+"""Plugin estimator: a user's own instead of the core's filter; the same decision, sample by sample."""
 
 from __future__ import annotations
 

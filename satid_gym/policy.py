@@ -20,14 +20,14 @@ Kind = Literal["scripted", "closed_loop", "learned", "reference"]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mission:
-    """Briefing of a policy before an episode: what its designer would know, and nothing of the truth.
+    """Briefing of a policy before an episode: what its designer would know, without the truth.
 
     Attributes:
         satellite: nominal, with the limits and sensors it is operated with.
-        prior: of the filter.
+        prior: prior of the filter.
         estimator: settings of the filter that is flown.
-        scenario: the world.
-        layout: names and places of the observation's parts.
+        scenario: world of the episode.
+        layout: slices of the observation by name.
         control: what an action is, "torque" of each wheel or body "rate".
         observation: its form, as in `Problem`.
     """
@@ -42,7 +42,7 @@ class Mission:
 
     @property
     def actions(self) -> int:
-        """Numbers in an action."""
+        """Number of entries of an action."""
         return self.satellite.wheels.count if self.control == "torque" else 3
 
 
@@ -66,7 +66,7 @@ def missions(problem: Problem) -> list[Mission]:
 def only_mission(problem: Problem) -> Mission:
     """Mission of a problem's only satellite, or of its first data sheet where a scenario has drawn several for it.
 
-    What the sheets differ in, panels and tanks, a policy sees in the observation alone.
+    A policy sees the differences between the data sheets, panels and tanks, only in the observation.
 
     Raises:
         ValueError: the problem has several satellites.
@@ -79,15 +79,15 @@ def only_mission(problem: Problem) -> Mission:
 
 
 class Policy(Protocol):
-    """Choice of actions for a batch of episodes that run side by side.
+    """Choice of actions for a batch of parallel episodes.
 
-    A policy with a true attribute `include_covariance` is given observations with the filter's whole covariance, one
-    whose attribute `observation` is "body" the form of that name, and one with a true attribute `include_walk` the
-    random walk of the inertia that the filter uses. One that plans with the filter that flies, a `FilterPlanner`, is
-    shown its records by whoever flies it, see `show_filter`.
+    A policy with a true attribute `include_covariance` gets observations with the filter's whole covariance, one whose
+    attribute `observation` is "body" the body-frame form, and one with a true attribute `include_walk` also the
+    filter's random walk of the inertia. A `FilterPlanner`, which plans with the flying filter, is shown its records
+    before each decision, see `show_filter`.
 
     Attributes:
-        name: what tables call it.
+        name: name in tables.
         kind: scripted, closed_loop, learned or reference.
     """
 
@@ -102,12 +102,12 @@ class Policy(Protocol):
 
 
 def includes_covariance(policy: Policy) -> bool:
-    """Whether a policy asks for the filter's whole covariance: what its environment's `include_covariance` must be."""
+    """Whether a policy needs the filter's whole covariance, the environment's `include_covariance`."""
     return bool(getattr(policy, "include_covariance", False))
 
 
 def observation_settings(policy: Policy) -> dict[str, Any]:
-    """Settings of an environment or problem whose observations a policy asks for."""
+    """Settings of an environment or problem that give the observations a policy needs."""
     return {
         "include_covariance": includes_covariance(policy),
         "observation": getattr(policy, "observation", "wheels"),
@@ -117,13 +117,13 @@ def observation_settings(policy: Policy) -> dict[str, Any]:
 
 @runtime_checkable
 class FilterPlanner(Policy, Protocol):
-    """Policy that plans with the filter that flies: all that it believes, which observations give in part alone."""
+    """Policy that plans with the flying filter, whose whole state it sees and not only the observation."""
 
     def see(self, beliefs: np.ndarray, tasks: np.ndarray) -> None:
         """Take note of the records (N,) of filter and task, before the observation of the same decision."""
 
 
 def show_filter(policy: Policy, beliefs: np.ndarray, tasks: np.ndarray) -> None:
-    """Show a policy, where it is a `FilterPlanner`, the filters (N,) that fly. The truth is in neither record."""
+    """Show a `FilterPlanner` the flying filters (N,); other policies see nothing. Neither record contains the truth."""
     if isinstance(policy, FilterPlanner):
         policy.see(beliefs, tasks)

@@ -75,7 +75,7 @@ class Problem(Config):
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
                 "all satellites of an environment need tolerances of the same kinds (gyro bias; gyro scale and "
-                f"alignment; tachometer delay; wheels), for they share a filter: those of {names} differ; give "
+                f"alignment; tachometer delay; wheels), because they share a filter: those of {names} differ; give "
                 "scenario tolerances, which replace the satellites'"
             )
         if len({oscillator_counts(s.oscillators) for s in self.satellites}) != 1:
@@ -89,7 +89,7 @@ class Problem(Config):
         if len({s.sensors.star_tracker is None for s in sheets}) != 1:
             names = ", ".join(s.name for s in self.satellites)
             raise ValueError(
-                "all satellites of an environment need a star tracker or none, for they share a filter: those of "
+                "all satellites of an environment need a star tracker or none, because they share a filter: those of "
                 f"{names} differ; give scenario sensors, which replace the satellites'"
             )
         if len({self.estimator.tells_sky(s) for s in sheets}) != 1:
@@ -123,7 +123,7 @@ class Problem(Config):
             self.check_parameters(missed)
 
     def _products(self) -> str:
-        """What has products of inertia about the body axes, in words; "" where nothing has."""
+        """Description of what has products of inertia about the body axes; "" if nothing has."""
         changes = self.inertia.changes if isinstance(self.inertia, InertiaLaw) else ()
         for satellite in self.satellites:
             moments = np.diag(satellite.inertia)
@@ -168,12 +168,12 @@ class Problem(Config):
 
     @property
     def actions(self) -> int:
-        """Numbers in an action: a torque for each wheel, or a rate about each body axis."""
+        """Number of entries of an action: a torque for each wheel, or a rate about each body axis."""
         return self.wheels if self.control == "torque" else 3
 
     @property
     def tells_sky(self) -> tuple[bool, bool]:
-        """Whether it is observed where Sun and Earth are: where they blind a star tracker, or a payload."""
+        """Whether the directions of Sun and Earth are observed: if they blind a star tracker, or a payload."""
         sun, earth = self.estimator.tells_sky(self.scenario.operate(self.satellites[0]))
         return sun or self.scenario.operations is not None, earth
 
@@ -208,7 +208,7 @@ def problem(
     observation: Form = "wheels",
     include_walk: bool = False,
 ) -> Problem:
-    """Resolve what a user gave to `gymnasium.make`.
+    """Problem from the arguments of `gymnasium.make`.
 
     Raises:
         ValueError: a name is unknown or a value is not valid.

@@ -1,4 +1,4 @@
-"""Resolution of what a user gave for a satellite, a law or a scenario: a name, a file, module:name, a mapping."""
+"""Resolution of a user's satellite, law or scenario, given as a name, a file, module:name or a mapping."""
 
 from __future__ import annotations
 

@@ -29,13 +29,12 @@ class RewardSettings(Config):
     - envelope_weight excess - saturation_weight saturated - deflection_weight bent - effort_weight effort
 
     Attributes:
-        criterion: what counts as information on theta, in nats: "logdet" (D-optimality), "trace" (A),
-            "maxeig" (E).
-        net: False sums what each filter update gains; True takes the change over the decision, which the
-            filter's own forgetting reduces.
-        gain_scale: reward for a nat gained.
-        held_scale: reward for every nat by which theta is better known at the decision's end than before launch.
-        held_reference: nats held at which that reward is zero; it keeps returns small.
+        criterion: measure of the information on theta, in nats: "logdet" (D-optimality), "trace" (A), "maxeig" (E).
+        net: False sums the gain of each filter update; True takes the change over the decision, which the filter's own
+            forgetting reduces.
+        gain_scale: reward for each nat gained.
+        held_scale: reward for each nat by which theta is better known at the decision's end than before launch.
+        held_reference: nats held at which that reward is zero, to keep returns small.
         envelope_weight: penalty for a unit of excess: the largest measured rate of the decision over the rate
             limit, less the margin, where positive, summed over axes. Where the filter rejects a reading or gets
             none, its own estimate of the rate takes the reading's place.

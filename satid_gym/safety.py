@@ -1,4 +1,4 @@
-"""Costs beside the reward, as Safety-Gymnasium gives them: a step returns them between reward and the episode's end."""
+"""Costs separate from the reward, as in Safety-Gymnasium: `step` returns them between reward and terminated."""
 
 from __future__ import annotations
 

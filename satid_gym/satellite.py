@@ -29,9 +29,9 @@ class ReactionWheels(Config):
         inertia: spin inertia of a wheel, kg m^2, one number or (n,).
         max_torque: motor torque limit, N m, one number or (n,).
         max_speed: speed limit relative to the body, rad/s, one number or (n,).
-        friction: of each wheel, or a mapping with its settings; none by default.
-        avoided_speed: (low, high) rad/s, band of the wheels' speed either way that operators avoid, as where a wheel
-            shakes an instrument or loses its film of lubricant; time in it is counted, and the rate loop keeps more
+        friction: friction of each wheel, or a mapping with its settings; none by default.
+        avoided_speed: (low, high) rad/s, band of wheel speed, in both directions, that operators avoid, e.g. because a
+            wheel shakes an instrument or loses its lubricant film; time in it is counted, and the rate loop keeps more
             than three wheels out of it. (0, 0): none.
 
     Raises:
@@ -86,7 +86,7 @@ class ReactionWheels(Config):
 
     @property
     def null_direction(self) -> np.ndarray:
-        """Momenta (n,) of n > 3 wheels that cancel each other, at most 1, whose least is as large as was found."""
+        """Momenta (n,) of n > 3 wheels that cancel each other, at most 1, the smallest as large as was found."""
         null = np.eye(self.count) - np.linalg.pinv(self.axes) @ self.axes
         signs = np.ones((2 ** min(self.count - 1, _SIGNS), self.count))
         signs[:, 1 : _SIGNS + 1] = list(itertools.product([1.0, -1.0], repeat=min(self.count - 1, _SIGNS)))
@@ -97,14 +97,15 @@ class ReactionWheels(Config):
 
 @dataclass(frozen=True, eq=False)
 class Satellite(Config):
-    """Satellite with its nominal values, about which the true ones are drawn.
+    """Satellite with its nominal values, around which the true ones are drawn.
 
     Attributes:
         name: its name in tables.
         inertia: nominal inertia about the centre of mass, wheels locked, kg m^2, body frame; (3,) principal
             moments or (3, 3) tensor, kept as (3, 3).
         wheels: reaction wheels, or a mapping with their settings.
-        mass: kg; oscillators move the centre of mass by it, which stays where it is None; a scenario's tank is a part.
+        mass: kg; with it oscillators move the centre of mass, which is fixed if None; a scenario's tank is a share of
+            it.
         size: (3,) m, for display, and to place a scenario's panels and tank by.
         rate_limit: largest body rate about any axis in operation, rad/s.
         gyro_noise_std: white noise of a gyro sample, rad/s.
@@ -113,7 +114,7 @@ class Satellite(Config):
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
         oscillators: hinged panels and slosh masses, `Panel` and `SloshMass`, or mappings with their settings; the
             inertia includes them at rest.
-        sensors: what readings stand for and how late they are, or a mapping with their settings.
+        sensors: averaging, counting and delays of readings, and a star tracker, or a mapping with their settings.
 
     Raises:
         ValueError: a value is not physically possible; the message says which and why.

@@ -1,4 +1,4 @@
-"""Scenarios: the world of an episode, the scatter of the truth about what is known, and the prior that follows."""
+"""Scenarios: the world of an episode, the scatter of the truth about nominal, and the prior that follows."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Scenario(Config):
     """Settings of the world; `None` means the satellite's own value.
 
     Attributes:
-        name: what tables call it.
+        name: name in tables.
         decision_period: s between two actions.
         sample_period: s between two readings and filter steps; it divides the decision period.
         horizon: s, an integer multiple of decision_period.
@@ -48,7 +48,7 @@ class Scenario(Config):
         initial_rate_std: std of the first body rates over the rate limit.
         torque_noise: std of the motor torque noise over the torque limit, drawn again each sample.
         torque_lag: time constant of the motors, s.
-        friction: of the wheels, or a mapping with its settings.
+        friction: friction of the wheels, or a mapping with its settings.
         gyro_noise_std: rad/s per sample.
         gyro_bias_walk: rad/s per sqrt(s).
         tachometer_noise_std: rad/s per sample.
@@ -59,14 +59,15 @@ class Scenario(Config):
         random_attitude: whether the first attitude is random (else body and inertial frame coincide).
         rate_limit: rad/s.
         rate_bandwidth: rad/s, of the rate loop under control="rate"; see `tracking_bandwidth`.
-        reference_slope: of that loop's reference: share of what the weakest motor gives the largest moment; 0: any.
-        termination_factor: the episode ends where a body rate exceeds this many rate limits.
-        deflection_factor: the episode ends where an oscillator is beyond its limit by this factor.
+        reference_slope: slope limit of that loop's reference, as a share of the acceleration that the weakest motor
+            gives the largest moment; 0: no limit.
+        termination_factor: the episode ends when a body rate exceeds this many rate limits.
+        deflection_factor: the episode ends when a deflection exceeds its limit by this factor.
         appendages: panels or a tank that its satellites get, drawn from ranges, or a mapping with their settings.
-        estimator: the filter that is the scenario's default; its name or a mapping with its settings will do.
+        estimator: the scenario's default filter, by name, or a mapping with its settings.
         faults: what can go wrong with sensors and wheels.
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
-        sensors: what readings stand for and how late they are, or a mapping with their settings.
+        sensors: averaging, counting and delays of readings, and a star tracker, or a mapping with their settings.
         operations: imaging windows and a keep-out of a payload, or a mapping with their settings.
 
     Raises:
@@ -193,7 +194,7 @@ class Scenario(Config):
         return tuple(equipped for satellite in satellites for equipped in self.appendages.equip(satellite))
 
     def operate(self, satellite: Satellite) -> Satellite:
-        """The satellite as this scenario operates it: with its limits and sensors where it sets them."""
+        """The satellite as operated in this scenario: with the scenario's limits and sensors where it sets them."""
         wheels = satellite.wheels
         friction = wheels.friction if self.friction is None else self.friction
         changes: dict[str, Any] = {
@@ -220,7 +221,7 @@ def _whole(name: str, ratio: float, most: int) -> None:
 
 
 def prior_of(satellite: Satellite, scenario: Scenario, parameters: Parameters | None = None) -> FilterPrior:
-    """What is known of a satellite in a scenario: nominal values and data sheets.
+    """Prior knowledge of a satellite in a scenario: nominal values and data sheets.
 
     Args:
         satellite: nominal.

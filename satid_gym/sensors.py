@@ -1,4 +1,4 @@
-"""Sensors of a data sheet: what a gyro's and a tachometer's reading stands for, when it arrives, and a star tracker."""
+"""Sensors of a data sheet: averaging, counting and delays of gyro and tachometers, and a star tracker."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Sensors(Config):
     Attributes:
         gyro_integrates: whether a reading is the rate's mean over the sample period, as of a rate-integrating gyro,
             whose angle increment is divided by the period.
-        gyro_delay: how late a reading is, in sample periods.
-        gyro_quantum: least angle that an integrating gyro counts, rad; what is left over goes into the next increment.
-        gyro_range: rate about any axis beyond which the gyro says that its reading is not valid, rad/s; None: no limit.
-        encoder_pulses: pulses a revolution of the wheel that are counted over the sample period; with them
-            tachometer_noise_std has no meaning. None: the tachometers read the wheel's speed.
-        tachometer_delay: how late a reading is, in sample periods.
-        star_tracker: reads the attitude, a `StarTracker` or a mapping with its settings; None: there is none. With one,
-            gyro and tachometers read at one instant.
+        gyro_delay: delay of a reading, in sample periods.
+        gyro_quantum: angle quantum of an integrating gyro, rad; the remainder goes into the next increment.
+        gyro_range: rate about any axis beyond which the gyro flags its reading as invalid, rad/s; None: no limit.
+        encoder_pulses: pulses a revolution of the wheel that are counted over the sample period; tachometer_noise_std
+            then has no effect. None: the tachometers measure wheel speed.
+        tachometer_delay: delay of a reading, in sample periods.
+        star_tracker: a `StarTracker` or a mapping with its settings; None: no star tracker. It needs gyro and
+            tachometers that read at one instant.
 
     Raises:
         ValueError: a delay is not within 0 and 4 periods, a quantum is negative or that of a gyro that does not
@@ -86,8 +86,9 @@ class Sensors(Config):
         """
         if DELAY_SIGMAS * tolerances.tachometer_delay > self.tachometer_delay * (1.0 + 1e-9):
             raise ValueError(
-                f"tolerance tachometer_delay must be at most a third of the sensors' tachometer_delay, for no reading "
-                f"comes before its time: got {tolerances.tachometer_delay:g} of {self.tachometer_delay:g} periods"
+                f"tolerance tachometer_delay must be at most a third of the sensors' tachometer_delay, because "
+                f"no reading comes before its time: got {tolerances.tachometer_delay:g} of "
+                f"{self.tachometer_delay:g} periods"
             )
 
 

@@ -22,7 +22,7 @@ _ANGLE = 0.01  # rad, that body and momentum may turn against each other in one 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trajectory:
-    """What `simulate` returns; N torques give N + 1 states.
+    """Result of `simulate`; N torques give N + 1 states.
 
     Attributes:
         time: (N + 1,) s.

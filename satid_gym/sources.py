@@ -78,7 +78,7 @@ def unknown(kind: str, text: object, names: Any) -> ValueError:
 
 
 def imported(text: str) -> Any:
-    """What `module:name` names; the module's code is run.
+    """Object named by `module:name`; the module's code is run.
 
     Raises:
         ValueError: the text is not of this form, or the module or name does not exist.

@@ -1,4 +1,4 @@
-"""Star tracker of a data sheet: its noise, how often it reads, and what makes it blind."""
+"""Star tracker of a data sheet: noise, period of readings, and limits beyond which it is blind."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class StarTracker(Config):
     """Star tracker: reads the attitude relative to the stars, unless it is blind.
 
     Attributes:
-        boresight: (3,) direction in which it looks, body frame; its length does not count.
+        boresight: (3,) viewing direction, body frame, of any length.
         across_std: noise of a reading about each axis across the boresight, rad.
         round_std: noise about the boresight, rad.
         period: s between two readings, a multiple of the sample period.
-        rate_limit: body rate beyond which it is blind, rad/s; None: it follows any.
-        reacquire: s that it takes to track again after it was blind.
+        rate_limit: body rate beyond which it is blind, rad/s; None: no limit.
+        reacquire: s to track again after it was blind.
         sun_exclusion: angle between boresight and Sun within which it is blind, rad; None: the Sun does not blind it.
         earth_exclusion: the same beyond the Earth's limb, rad; None: the Earth does not blind it.
 

@@ -13,9 +13,9 @@ _RELATIVE_MAX = 0.1  # beyond it the filter's first-order model of an error no l
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tolerances(Config):
-    """Standard deviations of what an episode draws sensors and wheels off nominal by; 0: exactly as nominal.
+    """Standard deviations of the errors of sensors and wheels that each episode draws; 0: exactly nominal.
 
-    A filter is told of them, never of what was drawn, and estimates it beside the inertia.
+    A filter knows these, never the drawn errors, and estimates the errors together with the inertia.
 
     Attributes:
         gyro_bias: of each axis at the start, rad/s.
@@ -55,7 +55,7 @@ class Tolerances(Config):
 
     @property
     def kinds(self) -> tuple[bool, bool, bool, bool]:
-        """Which errors there are: of the gyro's bias, its scale and alignment, the tachometers' delay, the wheels."""
+        """Whether there are errors of the gyro's bias, its scale and alignment, the tachometers' delay, the wheels."""
         return (
             self.gyro_bias > 0.0,
             self.gyro_is_uncalibrated,
@@ -64,7 +64,7 @@ class Tolerances(Config):
         )
 
     def states(self, wheels: int) -> int:
-        """Number of errors for so many wheels."""
+        """Number of errors with this number of wheels."""
         return sum(size for size, on in zip((3, 9, 1, 3 * wheels), self.kinds, strict=True) if on)
 
 

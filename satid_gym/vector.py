@@ -38,12 +38,12 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     environments and threads. See `SatInertiaIDEnv` for spaces, reward and settings.
 
     Args:
-        num_envs: how many.
+        num_envs: number of environments.
         satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control, observation:
             as in `SatInertiaIDEnv`; the estimator is a compiled one, and `truth` is the environment's own.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
-        num_threads: the most threads to use; all cores where None.
+        num_threads: largest number of threads; None: all cores.
         stagger: start the episodes of the first reset with less time left, evenly spread, so that later
             resets do not all fall on one step. For training.
 
@@ -260,7 +260,7 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return rows.observations.copy(), reports["reward"].copy(), terminations, truncations, infos
 
     def state(self) -> dict[str, np.ndarray]:
-        """Every number the environments go on from; truth and belief are in it, so it is not for policies."""
+        """All numbers from which the environments continue; it contains the truth, so it is not for policies."""
         return self.fleet.state()
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:

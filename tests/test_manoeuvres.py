@@ -310,7 +310,7 @@ def test_a_file_without_a_manoeuvre_is_refused(tmp_path, capsys):
 
 def test_the_command_says_no_and_names_a_word_that_is_wrong(tmp_path, capsys):
     assert main(["design", "microsat", "--accuracy", "1e-6", "--output", str(tmp_path)]) == 1
-    assert capsys.readouterr().err.startswith("no: no manoeuvre of 300 s tells every moment of inertia to 1e-06")
+    assert capsys.readouterr().err.startswith("no: no manoeuvre of 300 s determines every moment of inertia to 1e-06")
     assert main(["design", "microsat", "--keep-out", "0,0,1:35", "--output", str(tmp_path)]) == 2
     assert "BORESIGHT:DIRECTION:DEGREES" in capsys.readouterr().err
     assert main(["design", "microsat", "--turn-limit", "200", "--output", str(tmp_path)]) == 2

@@ -46,7 +46,7 @@ def test_common_names_and_units_are_found(head, scale, tmp_path):
     np.testing.assert_allclose(log.wheel_speed, SPEED, rtol=1e-12)
     assert log.attitude is None
     assert any("deg/s" in note for note in log.notes) == (scale[0] > 1)
-    assert any("for want of a unit" in note for note in log.notes) == (scale == (1.0, 1.0))
+    assert any("because the files give no unit" in note for note in log.notes) == (scale == (1.0, 1.0))
 
 
 def test_columns_and_units_by_mapping(tmp_path):
@@ -103,7 +103,7 @@ def test_what_is_assumed_of_time_is_said_once_and_other_quantities_are_passed_ov
     table = np.column_stack([ROUND, RATE])
     log = read_log(write(tmp_path / "a.csv", head, table))
     np.testing.assert_array_equal(log.wheel_speed, SPEED)
-    assert log.notes.count("time taken as s, for want of a unit in the files") == 1
+    assert log.notes.count("time taken as s, because the files give no unit") == 1
     named = {"rate": ["gx", "gy", "gz"], "wheel_speed": ["w1", "w2", "w3"]}
     twice = write(tmp_path / "b.csv", [*head, "utc"], np.column_stack([table, TIME + 1.0]))
     with pytest.raises(ValueError, match="both 't' and 'utc' may be time"):

@@ -1,4 +1,4 @@
-"""Bounds on how well the inertia can be known, by any estimator and by any excitation."""
+"""Bounds on the accuracy of the inertia, for any estimator and any excitation."""
 
 from satid_gym.bounds.envelope import envelope_bound, rate_cap, reference_limit, sample_information
 from satid_gym.bounds.motion import TrueMotion

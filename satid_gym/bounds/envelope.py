@@ -81,7 +81,7 @@ def rate_cap(motion: TrueMotion, satellite: Satellite, dt: float) -> np.ndarray:
 
 
 def sample_information(cap: np.ndarray, inertia: np.ndarray, prior: FilterPrior, parameters: int) -> np.ndarray:
-    """Most that a sample tells about each parameter alone, (..., p), for |omega| at most `cap` (..., 3)."""
+    """Largest information of a sample on each parameter alone, (..., p), for |omega| at most `cap` (..., 3)."""
     wheels = prior.wheels
     noise = (wheels.axes * (wheels.inertia * prior.tachometer_noise_std) ** 2) @ wheels.axes.T
     weight = np.linalg.inv(prior.gyro_noise_std**2 * inertia @ inertia + noise)
@@ -102,7 +102,7 @@ def reference_limit(
     finds_steps: bool = False,
     information: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Mean square error (N, T, p) of a given filter if every sample told as much as the envelope allows.
+    """Mean square error (N, T, p) of a given filter if every sample were as informative as the envelope allows.
 
     Not a bound: what its tuning leaves of the envelope bound for the true variation of the inertia. The filter's
     gain is that of its own Riccati equation; the error is the noise it lets through and its lag, squared.

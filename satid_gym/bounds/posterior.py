@@ -76,7 +76,7 @@ def growth_factors(theta: np.ndarray, law_known: bool) -> np.ndarray:
 
 
 def law_growth(theta: np.ndarray) -> np.ndarray:
-    """By what factors (N, T, p) parameters theta (N, T, p) grow from the instant before.
+    """Factors (N, T, p) by which parameters theta (N, T, p) grow from the previous instant.
 
     A product of inertia that stays 0 is given the factor that one about the same axes has where all of J grows alike.
 
@@ -100,7 +100,7 @@ def law_growth(theta: np.ndarray) -> np.ndarray:
 
 @inline
 def _condition(belief, work, omega, p):
-    """The filter's update at the true rate, without what it does because it has only an estimate of it."""
+    """The filter's update at the true rate, without its safeguards for an estimated rate."""
     J_inv = inverse(estimated_inertia(belief))
     store_symmetric(work.jacobian[0], J_inv)
     write_times_regressor(work.jacobian[0], (-omega[0], -omega[1], -omega[2]), work.regressor)

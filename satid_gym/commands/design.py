@@ -24,8 +24,8 @@ _EXAMPLES = """examples:
   satid design sat.toml --duration 600 --accuracy 0.0005 --returns
   satid design sat.toml --turn-limit 30 --keep-out 0,0,1:1,0,0:35
 
-A keep-out is BORESIGHT:DIRECTION:DEGREES, both in the body frame as the manoeuvre begins; write --keep-out=-1,0,0:...
-where it begins with a minus sign. With the default search it takes minutes.
+A keep-out is BORESIGHT:DIRECTION:DEGREES, both in the body frame at the start; write --keep-out=-1,0,0:...
+if it begins with a minus sign. The default search takes minutes.
 """
 
 
@@ -33,32 +33,32 @@ def add(parts: Any) -> None:
     """Add the subcommand."""
     own = parts.add_parser(
         "design",
-        help="manoeuvre that tells a satellite's inertia",
-        description="Design the manoeuvre that tells a satellite's inertia best, from rest to rest, within the limits "
-        "of its data sheet.",
+        help="manoeuvre that identifies a satellite's inertia",
+        description="Design the manoeuvre that identifies a satellite's inertia best, from rest to rest, within the "
+        "limits of its data sheet.",
         epilog=_EXAMPLES,
         formatter_class=HelpFormatter,
     )
     own.add_argument("satellite", help="data sheet: name, .toml or .json file")
     own.add_argument("--duration", type=float, default=300.0, metavar="S", help="s from rest to rest; default 300")
     own.add_argument(
-        "--accuracy", type=float, metavar="STD", help="asked of every moment, relative; default: as good as can be"
+        "--accuracy", type=float, metavar="STD", help="required of every moment, relative; default: the best possible"
     )
     own.add_argument(
         "--uncertainty",
         type=float,
         metavar="STD",
-        help="of the data sheet's moments of inertia, relative; default: the scenario's, 0.15",
+        help="std of the data sheet's moments of inertia, relative; default: the scenario's, 0.15",
     )
-    own.add_argument("--returns", action="store_true", help="end in the attitude in which it began")
+    own.add_argument("--returns", action="store_true", help="end in the initial attitude")
     own.add_argument("--turn-limit", type=float, metavar="DEG", help="largest angle from that attitude")
     own.add_argument(
-        "--keep-out", action="append", default=[], metavar="CONE", help="a boresight keeps out of it; may be repeated"
+        "--keep-out", action="append", default=[], metavar="CONE", help="cone that a boresight avoids; may be repeated"
     )
-    own.add_argument("--control", choices=CONTROLS, default="rate", help="what flies it: a rate loop, or torque alone")
+    own.add_argument("--control", choices=CONTROLS, default="rate", help="rate: by a rate loop; torque: open loop")
     own.add_argument("--scenario", default="default", help="name or file: noise, prior and periods")
-    own.add_argument("--rounds", type=int, default=Effort.rounds, help=f"of the search; default {Effort.rounds}")
-    own.add_argument("--seed", type=int, default=0, help="of the search")
+    own.add_argument("--rounds", type=int, default=Effort.rounds, help=f"rounds of the search; default {Effort.rounds}")
+    own.add_argument("--seed", type=int, default=0, help="seed of the search")
     own.add_argument("--output", type=Path, default=Path("design"), help="folder; default design")
     own.set_defaults(run=run)
 

@@ -25,7 +25,7 @@ def add(parts: Any) -> None:
     own = parts.add_parser(
         "export",
         help="filter, policy and rate loop as C99",
-        description="Write C99 without allocation of what Pilot flies, with test vectors of a flight.",
+        description="Write a Pilot as C99 without dynamic memory, with test vectors of a flight.",
         epilog=_EXAMPLES,
         formatter_class=HelpFormatter,
     )
@@ -38,10 +38,10 @@ def add(parts: Any) -> None:
     own.add_argument("--scenario", default="default", help="name or file")
     own.add_argument("--estimator", help="name of the filter; default the scenario's")
     own.add_argument("--control", choices=CONTROLS, default="torque", help="what actions are; default torque")
-    own.add_argument("--patience", type=float, help="s without gyro until no torque; default three decisions")
-    own.add_argument("--seed", type=int, default=0, help="of the test vectors' flight")
+    own.add_argument("--patience", type=float, help="s without gyro until zero torque; default three decisions")
+    own.add_argument("--seed", type=int, default=0, help="seed of the test vectors' flight")
     own.add_argument("--output", type=Path, default=Path("flightcode"), help="folder; default flightcode")
-    own.add_argument("--measure", action="store_true", help="compile it, and print sizes, operations and times")
+    own.add_argument("--measure", action="store_true", help="compile the code, and print sizes, operations and times")
     own.set_defaults(run=run)
 
 

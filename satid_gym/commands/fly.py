@@ -42,7 +42,7 @@ def add(parts: Any) -> None:
     own = parts.add_parser(
         "fly",
         help="one satellite, one policy, one episode",
-        description="Fly one episode and show how error, uncertainty and rates go. Picture, video and page need "
+        description="Fly one episode and show error, uncertainty and rates. Picture, video and page need "
         'pip install ".[render]" in the checkout.',
         epilog=_EXAMPLES,
         formatter_class=HelpFormatter,

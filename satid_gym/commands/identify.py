@@ -43,11 +43,11 @@ def add(parts: Any) -> None:
         nargs="+",
         default=[],
         metavar="ROLE=NAMES",
-        help="roles: time, rate, wheel_speed, attitude, torque (on the body, from outside), motor_torque",
+        help="roles: time, rate, wheel_speed, attitude, torque (external, on the body), motor_torque",
     )
     own.add_argument("--units", nargs="+", default=[], metavar="ROLE=UNIT", help="such as rate=deg/s wheel_speed=-rpm")
-    own.add_argument("--window", type=float, default=40.0, help="s that share a momentum and a torque; default 40")
-    own.add_argument("--varying", action="store_true", help="ask how the inertia varies over time, too: steps, drifts")
+    own.add_argument("--window", type=float, default=40.0, help="s of a window with constant torque; default 40")
+    own.add_argument("--varying", action="store_true", help="also test how the inertia varies over time: steps, drifts")
     own.add_argument("--output", type=Path, default=Path("identification"), help="folder; default identification")
     own.set_defaults(run=run)
 

@@ -1,4 +1,4 @@
-"""Subcommands `satid compare` and `satid train`, which lead to the checkout's commands."""
+"""Subcommands `satid compare` and `satid train`, which run the checkout's commands."""
 
 from __future__ import annotations
 

@@ -24,9 +24,9 @@ def parser() -> argparse.ArgumentParser:
     """Parser of the command line."""
     top = argparse.ArgumentParser(
         prog="satid",
-        description="Satellites that find out their own inertia: from a data sheet and recorded flights.",
-        epilog=f"exit codes: 0 done, {NO} the data do not tell or contradict the satellite, or what is asked "
-        f"cannot be, {WRONG} arguments or files, {STOPPED} Ctrl-C",
+        description="Satellites that identify their own inertia: from a data sheet and recorded flights.",
+        epilog=f"exit codes: 0 done, {NO} the data do not identify or contradict the satellite, or the request "
+        f"is infeasible, {WRONG} arguments or files, {STOPPED} Ctrl-C",
     )
     top.add_argument("--version", action="version", version=f"satid-gym {__version__}")
     parts = top.add_subparsers(metavar="COMMAND", required=True)

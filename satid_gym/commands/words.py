@@ -1,4 +1,4 @@
-"""Words of a command line: its help at the terminal's width, and the command as pages and records show it."""
+"""Text of a command line: its help at the terminal's width, and the command as shown in pages and records."""
 
 from __future__ import annotations
 

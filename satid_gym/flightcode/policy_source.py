@@ -1,4 +1,4 @@
-"""Source of a policy in C: which template flies it, with which numbers."""
+"""Source of a policy in C: its template and its numbers."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def policy_source(pilot: Pilot) -> PolicySource:
 
 
 def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySource:
-    """The source of a policy that commands body rates, with what turns these into actions."""
+    """Source of a policy that commands body rates, with the conversion of rates to actions."""
     source.numbers["COMMAND_IS_RATE"] = "1"
     if pilot.problem.control == "torque":
         source.constants = PlantConstants.of([pilot.mission])

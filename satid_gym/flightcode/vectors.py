@@ -1,4 +1,4 @@
-"""Test vectors: a flight's readings, some of them lost, and what the pilot made of each."""
+"""Test vectors: a flight's readings, some of them lost, and the pilot's result for each."""
 
 from __future__ import annotations
 

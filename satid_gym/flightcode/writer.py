@@ -18,7 +18,7 @@ _DECISIONS_MAX = 60  # of the test vectors' flight
 
 
 def write(output: Path, pilot: Pilot) -> list[str]:
-    """Write C99 of what a pilot flies; equal pilots give equal bytes.
+    """Write a pilot as C99; equal pilots give equal bytes.
 
     Args:
         output: folder; it is made if missing. Files of another pilot's policy that are there go.
@@ -50,7 +50,7 @@ def texts(pilot: Pilot, counting: bool = False) -> dict[str, str]:
         ValueError: its policy has no C, or there is a star tracker.
     """
     if pilot.mission.prior.sensors.star_tracker is not None:
-        raise ValueError("flight code takes gyro and tachometers alone: export with sensors without star_tracker")
+        raise ValueError("flight code supports only gyro and tachometers: export with sensors without star_tracker")
     policy = policy_source(pilot)
     core = CoreSource(pilot, policy.constants, counting)
     own = {"satid_core.h": core.header, "satid_core.c": core.source}

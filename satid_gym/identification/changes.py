@@ -28,11 +28,11 @@ class Verdict:
     """Test of a course that is constant between its steps.
 
     Attributes:
-        p: share of simulated constants that look as varied.
-        step_gain: (K,) of a step before each knot, twice the log-likelihood; 0 where none can be told.
-        step_limit: of the largest of them, at half the false-alarm rate.
-        drift_gain: of the likeliest drift, twice the log-likelihood.
-        drift_limit: of it, at the other half.
+        p: share of simulations of a constant inertia that vary at least as much.
+        step_gain: (K,) twice the gain in log-likelihood of a step before each knot; 0 where no step is identifiable.
+        step_limit: limit of the largest gain, at half the false-alarm rate.
+        drift_gain: twice the gain in log-likelihood of the most likely drift.
+        drift_limit: limit of it, at the other half of the rate.
     """
 
     p: float
@@ -43,17 +43,17 @@ class Verdict:
 
     @property
     def steps(self) -> bool:
-        """Whether a step is beyond the limit."""
+        """Whether the gain of a step exceeds its limit."""
         return bool(self.step_gain.max() > self.step_limit)
 
     @property
     def drifts(self) -> bool:
-        """Whether a drift is."""
+        """Whether the gain of a drift exceeds its limit."""
         return self.drift_gain > self.drift_limit
 
 
 class Likelihood:
-    """Likelihood of a course, with any q, its levels projected out, and the momentum's jumps at the knots `jumps`."""
+    """Likelihood of a course for any q; its levels, and momentum jumps at the knots `jumps`, are projected out."""
 
     def __init__(self, balance: Balance, course: Course, jumps: tuple[int, ...] = ()) -> None:
         self.course, self.balance = course, balance
@@ -67,7 +67,7 @@ class Likelihood:
         self.variance = sizes**2
 
     def project(self, values: np.ndarray) -> np.ndarray:
-        """Values (r, ...) less what the levels take."""
+        """Values (r, ...) minus their projection on the levels."""
         return np.asarray(values - self.levels @ (self.levels.T @ values))
 
     def scale(self, walk: float = 0.0) -> float:
@@ -86,7 +86,7 @@ class Likelihood:
         return (2.0 * _profile(self._quadratic(rest, walks), len(rest)).T - lost).T
 
     def likeliest(self) -> tuple[float, float]:
-        """q of a drift by the restricted likelihood, and twice the log-likelihood of it."""
+        """q of a drift that maximises the restricted likelihood, and twice its log-likelihood."""
         if not self.course.drifts:
             return 0.0, float(self.fitted(self.rest, [0.0])[0])
         restricted = 2.0 * _profile(self._quadratic(self.rest, _WALKS), self.freedom)
@@ -95,7 +95,7 @@ class Likelihood:
         return walk, float(self.fitted(self.rest, [walk])[0])
 
     def criterion(self) -> float:
-        """Bayesian information criterion of the course with the likeliest q; the less the better."""
+        """Bayesian information criterion of the course with the most likely q; lower is better."""
         walk, fitted = self.likeliest()
         return (self.levels.shape[1] + len(self.course.starts) + (walk > 0.0)) * float(np.log(len(self.rest))) - fitted
 

@@ -1,4 +1,4 @@
-"""Course of the inertia over knots in time: constant between steps, or a drift between them, straight or curved.
+"""Course of the inertia over knots in time: constant between steps, or a straight or curved drift.
 
 With x (6 K,) the inertias at K knots, in units of their nominal sizes,
 

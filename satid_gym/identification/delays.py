@@ -1,4 +1,4 @@
-"""Delays between channels as parameters, and what is said of them and of the readings."""
+"""Delays between channels as parameters, and notes on them and on the readings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CHANNELS = ("wheel speeds", "attitude")
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One identified number with its standard deviation and unit; NaN where the data do not tell it."""
+    """One identified number with its standard deviation and unit; NaN where the data do not identify it."""
 
     name: str
     value: float
@@ -26,12 +26,12 @@ class Parameter:
 
     @property
     def determined(self) -> bool:
-        """Whether the data tell it."""
+        """Whether the data identify it."""
         return bool(np.isfinite(self.value))
 
 
 def delays_of(logs: Sequence[Log], estimated: Estimated, inflation: float) -> list[Parameter]:
-    """How late wheel speeds and, where it is measured, attitude are stamped against the gyro, s."""
+    """Delays of the time stamps of wheel speeds and, if measured, attitude relative to the gyro, s."""
     measured = any(log.attitude is not None for log in logs)
     return [_delay(which, estimated, inflation) for which in range(2 if measured else 1)]
 
@@ -61,7 +61,7 @@ def delay_notes(logs: Sequence[Log], delays: Sequence[Parameter]) -> list[str]:
 
 
 def reading_notes(logs: Sequence[Log]) -> list[str]:
-    """What was found while reading; what is the same in several flights is said once."""
+    """Notes of the reader; a note that several flights share is given once."""
     counts = Counter(note for log in logs for note in log.notes)
     shared = [f"{note} ({count} flights)" for note, count in counts.items() if count > 1]
     return shared + [f"{log.name}: {note}" for log in logs for note in log.notes if counts[note] == 1]

@@ -1,4 +1,4 @@
-"""Estimate from logs: windows and fit in turns, since what is late is known only once theta is."""
+"""Estimate from logs: windows and fit in alternation, since delays are known only once theta is."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Estimated:
 
 
 def common_stds(logs: Sequence[Log], satellite: Satellite) -> np.ndarray:
-    """(8,) prior standard deviations of what a flight has in common: bias, rad/s, torque, N m, and delays, s."""
+    """(8,) prior standard deviations of a flight's common unknowns: bias, rad/s, torque, N m, and delays, s."""
     bias = satellite.tolerances.gyro_bias or _BIAS_STD
     interval = max(log.interval for log in logs)
     return np.array([*[bias] * 3, *[_TORQUES * satellite.disturbance_std] * 3, interval, interval])

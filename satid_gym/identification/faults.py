@@ -39,7 +39,7 @@ def wheel_residuals(residual: np.ndarray, wheels: ReactionWheels) -> np.ndarray:
 
 
 def tachometer_faults(estimated: Estimated, wheels: ReactionWheels) -> list[TachometerFault]:
-    """Readings of one wheel alone that are thirty times the residuals' size off."""
+    """Readings of a single wheel that are off by thirty times the residuals' size."""
     spin = wheels.axes * wheels.inertia
     length = np.linalg.norm(spin, axis=0)
     rows = [-residual @ spin / length**2 for residual in estimated.fit.residuals]  # if that wheel alone is wrong

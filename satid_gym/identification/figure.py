@@ -1,4 +1,4 @@
-"""Figure of an identification: estimates with their bands, residuals, and what each flight told."""
+"""Figure of an identification: estimates with their bands, residuals, and the contribution of each flight."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _estimate(axes: Axes, found: Identification, k: int) -> None:
         axes.axhspan(value - 2.0 * std, value + 2.0 * std, color=_COLOURS[0], alpha=0.18, label="all, 2 std")
         axes.axhline(value, color=_COLOURS[0], linewidth=1.4)
     else:
-        axes.text(0.5, 0.5, "the data do not tell", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "not identified", ha="center", transform=axes.transAxes)
     numbers = np.arange(1, len(found.flights) + 1)
     alone = np.array([flight.theta[k] for flight in found.flights]) / rotor
     spread = 2.0 * np.array([flight.std[k] for flight in found.flights]) / rotor
@@ -90,7 +90,7 @@ def _over_time(axes: Axes, found: Identification, varied: Variation, k: int) -> 
     rotor, start = found.satellite.wheels.inertia[0], 0.0
     axes.set_title(f"{NAMES[k]} / rotor inertia", fontsize=10)
     if not np.isfinite(varied.theta[:, k]).any():
-        axes.text(0.5, 0.5, "the data do not tell", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "not identified", ha="center", transform=axes.transAxes)
     for flight in np.unique(varied.flight):
         mine = varied.flight == flight
         time = start + varied.time[mine] - varied.time[mine][0]
@@ -138,7 +138,7 @@ def _residuals(axes: Axes, found: Identification) -> None:
 
 
 def _told(axes: Axes, found: Identification) -> None:
-    """What each second told: share of the information about each parameter a second, over its largest."""
+    """Information by second: share of the information on each parameter per second, over its largest."""
     length = sum(float(flight.time[-1] - flight.time[0]) for flight in found.flights if len(flight.time) > 1)
     start, tables, edges = 0.0, [], []
     for flight in found.flights:
@@ -160,7 +160,7 @@ def _told(axes: Axes, found: Identification) -> None:
         axes.pcolormesh(bounds, np.arange(7), shown.T, cmap="Blues", vmin=0.0, vmax=1.0)
     axes.set_yticks(np.arange(6) + 0.5, NAMES)
     axes.invert_yaxis()
-    axes.set_title("what each second told of each parameter; dark: most", fontsize=10)
+    axes.set_title("information on each parameter by second; dark: most", fontsize=10)
     axes.set_xlabel("time in flights 1, 2, ... one after the other, s", fontsize=9)
     axes.tick_params(labelsize=8)
 

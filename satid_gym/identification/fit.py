@@ -27,7 +27,7 @@ _MEDIAN_SQUARE = 0.4549  # of a standard normal variable
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightShare:
-    """What a flight contributes, its own unknowns eliminated.
+    """Contribution of a flight, with its own unknowns eliminated.
 
     Attributes:
         information: (6, 6) about theta, 1 / (kg m^2)^2.
@@ -48,7 +48,7 @@ class FlightShare:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fit:
-    """Estimate with everything that judges it.
+    """Estimate with all that is needed to judge it.
 
     Attributes:
         theta: (6,) kg m^2.

@@ -1,4 +1,4 @@
-"""Flights one by one: what each told, and how well the others predict it."""
+"""Flights one by one: the contribution of each, and how well the others predict it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PARTS = 5  # a single log is cut into so many
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightReport:
-    """What one flight told.
+    """Contribution of one flight.
 
     Attributes:
         name: of the log.

@@ -30,29 +30,29 @@ from satid_gym.telemetry import Log
 from satid_gym.telemetry.units import option_of
 
 INFLATION_MIN = 1.1  # below it there is no word of it
-_ALONE = "one window alone: nothing but the formal covariance says how far to trust the interval"
+_ALONE = "only one window: the interval is that of the formal covariance alone"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Identification:
-    """What recorded flights tell of a satellite's inertia, body frame; NaN is what they do not tell.
+    """Inertia of a satellite from recorded flights, body frame; NaN where the data do not identify it.
 
     Attributes:
-        satellite: nominal, with the wheels that the momentum is counted by.
+        satellite: nominal, with the wheels that the momentum is computed with.
         inertia: (3, 3) kg m^2, wheels locked.
-        covariance: (6, 6) of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, (kg m^2)^2: noise, inflated by what residuals, windows and
-            flights say, and the tolerance of the rotors' inertia.
-        over_rotor: (3, 3) inertia over the first wheel's rotor inertia, which alone is observable.
-        over_rotor_covariance: (6, 6) of it.
-        parameters: the six, how late wheel speeds and attitude are stamped against the gyro, and the rotors' inertia
-            where their motors' torque was recorded.
-        flights: what each flight told.
+        covariance: (6, 6) of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, (kg m^2)^2: noise, inflated by the scatter of residuals,
+            windows and flights, and the tolerance of the rotors' inertia.
+        over_rotor: (3, 3) inertia over the first wheel's rotor inertia, the only observable ratio.
+        over_rotor_covariance: (6, 6) covariance of that ratio.
+        parameters: the six, the delays of the time stamps of wheel speeds and attitude relative to the gyro, and the
+            rotors' inertia where their motors' torque was recorded.
+        flights: contribution of each flight.
         inflation: factor on the formal standard deviations.
         scatter: variance between windows, and between flights, over what white noise gives.
-        whiteness: of the residuals.
-        jitter: s, scatter of the stamps of one channel against another.
-        notes: what was found, a line each.
-        variation: inertia over time, where it was asked for; all the rest is of a constant one.
+        whiteness: whiteness of the residuals.
+        jitter: s, scatter of the time stamps of one channel relative to another.
+        notes: findings, one line each.
+        variation: inertia over time, if requested; everything else assumes a constant inertia.
     """
 
     satellite: Satellite
@@ -75,20 +75,20 @@ def identify(
 ) -> Identification:
     """Inertia tensor from recorded gyro and wheel speeds, of one flight or several.
 
-    The momentum of body and wheels balances in windows of 40 s, each with a momentum and a linear torque of its own,
-    in the inertial frame; see `satid_gym.identification.rows`. Attitude is used where a log has it, else the gyro is
-    integrated between gaps. Instants that do not fit are weighed down, delays between the channels are estimated, and
-    the covariance is inflated by what residuals, windows and flights say.
+    The momentum of body and wheels is balanced in windows of 40 s, each with its own momentum and linear torque, in the
+    inertial frame; see `satid_gym.identification.rows`. Attitude is used where a log has it, else the gyro is
+    integrated between gaps. Outliers get less weight, delays between the channels are estimated, and the covariance is
+    inflated by the scatter of residuals, windows and flights.
 
     Args:
         logs: of `read_log` or `read_logs`.
-        satellite: name, file, mapping or `Satellite`: its wheels as built, and a nominal inertia, which tells slips of
-            units from data and does not enter the estimate.
+        satellite: name, file, mapping or `Satellite`: its actual wheels, and a nominal inertia, which helps to find
+            wrong units and does not enter the estimate.
         window: s.
-        varying: whether to ask how the inertia varies over time, too; see `satid_gym.identification.variation`.
+        varying: whether to test also how the inertia varies over time; see `satid_gym.identification.variation`.
 
     Raises:
-        NotIdentifiedError: the logs tell none of the moments of inertia; the message says why.
+        NotIdentifiedError: the logs identify none of the moments of inertia; the message says why.
         SlipError: units, signs, axes or quaternions contradict the satellite; the message names the slip.
         ValueError: the number of wheels does not match, or an argument is not valid.
     """
@@ -134,7 +134,7 @@ def identify(
     rotors = rotor_inertias(logs, own, window)
     white = whiteness(fit)
     notes = [
-        *([f"the data do not tell {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
+        *([f"the data do not identify {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
         *([doubt] if doubt else []),
         *delay_notes(logs, delays),
         *([f"residuals are not white: {white.autocorrelation:+.2f} from one reading to the next"] * (not white.white)),
@@ -172,12 +172,12 @@ def identify(
 
 
 def _variation_notes(varied: Variation, logs: Sequence[Log]) -> list[str]:
-    """What the reader of a variation should know."""
+    """Notes for the reader of a variation."""
     if varied.kind == "not told":
-        return ["the inertia over time is not told: the logs are too short, or move too little"]
+        return ["the inertia over time is not identified: the logs are too short, or move too little"]
     return [
         f"{logs[flight].name}: the balance of momentum fails at {time:.10g} s as no satellite's inertia can make it (a "
-        "long rest, or a fault of a sensor or its stamps): the inertia over time is not told"
+        "long rest, or a fault of a sensor or its stamps): the inertia over time is not identified"
         for flight, time in varied.doubted
     ]
 
@@ -196,7 +196,7 @@ def _nothing(fit: Fit, covariance: np.ndarray, sizes: np.ndarray, satellite: Sat
 
 
 def _check_windows(logs: Sequence[Log], window: float) -> None:
-    """Refuse windows that no log fills.
+    """Refuse windows longer than every log.
 
     Raises:
         ValueError: readings are too far apart, or their stamps are in another unit.
@@ -211,7 +211,7 @@ def _check_windows(logs: Sequence[Log], window: float) -> None:
 
 
 def _check_motion(logs: Sequence[Log], satellite: Satellite) -> None:
-    """Refuse logs in which nothing moves.
+    """Refuse logs without motion.
 
     Raises:
         NotIdentifiedError: no rate or no wheel speed changes by more than the sensors' noise.

@@ -1,4 +1,4 @@
-"""Instant of a step: how well the readings near it agree with each instant at which it may have come."""
+"""Instant of a step: how well the readings near it agree with each possible instant."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Instant:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surroundings:
-    """What is known near a step.
+    """Readings and estimates near a step.
 
     Attributes:
         log: of the flight.

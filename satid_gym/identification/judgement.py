@@ -1,4 +1,4 @@
-"""Judgement of a fit: what the data tell, whether residuals are white, and how far scatter exceeds the claim."""
+"""Judgement of a fit: identified parameters, whiteness of the residuals, and excess of scatter over the claim."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Whiteness:
 
 
 def whiteness(fit: Fit) -> Whiteness:
-    """Of residuals in units of their noise, each instant with its weight, within windows."""
+    """Whiteness of residuals in units of their noise, each instant with its weight, within windows."""
     pairs, squares, terms = 0.0, 0.0, 0.0
     for normal, weight in zip(fit.normal, fit.weights, strict=True):
         rows = normal * np.sqrt(weight)[:, None]
@@ -40,7 +40,7 @@ def whiteness(fit: Fit) -> Whiteness:
 
 
 def scatter(fit: Fit) -> tuple[float, float]:
-    """Variance of the scores between windows, and between flights, over what white noise of that size gives.
+    """Variance of the scores between windows, and between flights, relative to white noise of that size.
 
     The ratio of the jackknife's sandwich to the formal covariance as one number, the mean over the directions of theta
     in the metric of the formal covariance. NaN where there is one window, or one flight, alone.
@@ -68,7 +68,7 @@ def _ratio(scores: np.ndarray, expected: np.ndarray) -> float:
 
 
 def inflated_covariance(fit: Fit, without: Sequence[np.ndarray], between: np.ndarray) -> tuple[np.ndarray, float]:
-    """Covariance (6, 6) that holds what residuals and flights say, and the factor on the formal standard deviations.
+    """Covariance (6, 6) inflated by residuals and flights, and the factor on the formal standard deviations.
 
     Args:
         fit: of all flights.

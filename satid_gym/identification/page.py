@@ -30,7 +30,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
         ),
         f"<p>Rotor: {found.satellite.wheels.inertia[0]:.4g} kg m², as given; only inertia over rotor inertia is "
         "observable.</p>",
-        image(picture, "Estimates by flight, residuals, what each second and each flight told"),
+        image(picture, "Estimates by flight, residuals, information by second and by flight"),
         *_over_time(found),
         "<h2>Flights</h2>",
         table(
@@ -60,7 +60,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
             ],
         ),
         "<p>Prediction error: robust size of the error of a flight's wheel speeds, balanced with the inertia that the "
-        "other flights (or the other parts of a single one) gave; beside it the standard deviation of the speeds. "
+        "other flights (or the other parts of a single one) gave; next to it the standard deviation of the speeds. "
         "Faults: readings of one tachometer that are left out.</p>",
         "<h2>Notes</h2>",
         bullets(found.notes),
@@ -70,7 +70,7 @@ def page(found: Identification, picture: bytes, command: str) -> str:
 
 
 def _over_time(found: Identification) -> list[str]:
-    """What was asked of the inertia over time."""
+    """Section on the inertia over time, if requested."""
     if found.variation is None:
         return []
     said = "\n".join(variation_lines(found.variation))
@@ -84,7 +84,7 @@ def _parameters(found: Identification) -> list[tuple[str, ...]]:
     for k, name in enumerate(NAMES):
         parameter = found.parameters[k]
         if not parameter.determined:
-            rows.append((name, "the data do not tell", "", "", "", ""))
+            rows.append((name, "not identified", "", "", "", ""))
             continue
         relative = 100.0 * parameter.std / abs(parameter.value)
         rows.append(

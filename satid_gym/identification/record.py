@@ -14,17 +14,17 @@ from satid_gym.identification.identify import Identification
 from satid_gym.identification.variation import Variation
 
 SAID = {
-    "constant": "constant, for all that the data say",
+    "constant": "constant, as far as the data show",
     "steps": "it steps",
     "drift": "it drifts",
     "steps and drift": "it steps, and drifts between the steps",
-    "not told": "the data are too few to tell whether it is constant",
+    "not told": "too few data to decide whether it is constant",
     "not explained": "no course of it explains the data",
 }
 
 
 def plain(value: Any) -> Any:
-    """Value as JSON holds it; what is not known is null."""
+    """Value as JSON holds it; unknown values are null."""
     if isinstance(value, np.ndarray):
         return [plain(item) for item in value.tolist()]
     if isinstance(value, (list, tuple)):
@@ -41,10 +41,10 @@ def rounded(value: float, std: float) -> tuple[str, str]:
 
 
 def record(found: Identification) -> dict[str, Any]:
-    """All of an identification but the residuals of each reading."""
+    """Record of an identification without the residuals of each reading."""
     return {
         "satellite": found.satellite.name,
-        "frame": "body, wheels locked, kg m^2; covariance in the order xx yy zz xy xz yz; null: the data do not tell",
+        "frame": "body, wheels locked, kg m^2; covariance in the order xx yy zz xy xz yz; null: not identified",
         "inertia": plain(found.inertia),
         "covariance": plain(found.covariance),
         "over_rotor": plain(found.over_rotor),
@@ -114,7 +114,7 @@ def _variation(found: Variation) -> dict[str, Any]:
 
 
 def variation_lines(found: Variation) -> Iterator[str]:
-    """What is said of a variation, and a table of what it steps by, for a terminal."""
+    """Description of a variation, and a table of its steps, for a terminal."""
     yield f"inertia over time: {SAID[found.kind]}"
     if found.kind in ("constant", "not told"):
         yield f"a step of {found.detectable:.2g} of it would be found half of the time"
@@ -131,7 +131,7 @@ def variation_lines(found: Variation) -> Iterator[str]:
                 before, after = (f"{value[k]:.{len(std) - 2}f}" for value in (step.before, step.after))
                 yield f"{name:5s}{before:>14s}{after:>14s}{change:>14s}{std:>12s}"
             else:
-                yield f"{name:5s}{'the data do not tell':>26s}"
+                yield f"{name:5s}{'not identified':>26s}"
 
 
 def lines(found: Identification) -> Iterator[str]:
@@ -142,7 +142,7 @@ def lines(found: Identification) -> Iterator[str]:
     for k, name in enumerate(NAMES):
         parameter = found.parameters[k]
         if not parameter.determined:
-            yield f"{name:5s}{'the data do not tell':>26s}"
+            yield f"{name:5s}{'not identified':>26s}"
             continue
         cells = (*rounded(parameter.value, parameter.std), *rounded(over[places[name]], std[k]))
         yield f"{name:5s}{cells[0]:>14s}{cells[1]:>12s}{cells[2]:>14s}{cells[3]:>10s}"

@@ -1,4 +1,4 @@
-"""Inertia of the rotors: by their motors' torque, where a log has it, and what its tolerance does to the estimate."""
+"""Inertia of the rotors: from motor torque, if a log has it, and the effect of its tolerance on the estimate."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _THERE_MIN = 0.5  # of the rows that have an attitude, below which the gyro is i
 _TRIED = 2  # flights that slips are tried on
 _MINUS = "a minus sign before the unit that the log is in"
 _REORDER = f"name the columns in this order, as in {HOW}"
-_NOTHING = "the logs tell none of the moments of inertia"
+_NOTHING = "the logs identify none of the moments of inertia"
 
 
 class SlipError(ValueError):
@@ -41,7 +41,7 @@ class _Slip:
 
 
 def contradiction(found: Estimated, satellite: Satellite, sizes: np.ndarray) -> str:
-    """What is wrong with a fit, in words; "" where nothing is."""
+    """Description of what is wrong with a fit; "" if nothing is."""
     fit = found.fit
     known = determined(fit, fit.covariance, sizes, satellite.gyro_noise_std)
     if fit.unexplained > _UNEXPLAINED_MAX and known[:3].any():
@@ -64,7 +64,7 @@ def _text(values: np.ndarray) -> str:
 
 
 def check_attitude(logs: Sequence[Log]) -> list[Log]:
-    """Logs whose attitude turns as their gyro says; an attitude that follows no gyro is left out, with a note.
+    """Logs whose attitude agrees with their gyro; an attitude that disagrees is left out, with a note.
 
     Raises:
         SlipError: it would, in another order, in the other direction, or with the gyro in other units or axes.
@@ -97,7 +97,7 @@ def check_attitude(logs: Sequence[Log]) -> list[Log]:
 def check_fit(
     logs: Sequence[Log], satellite: Satellite, window: float, sizes: np.ndarray, found: Estimated | None
 ) -> str:
-    """A note on what is doubtful about a fit; None stands for logs without any window.
+    """A note on doubts about a fit; None stands for logs without any window.
 
     Raises:
         SlipError: the logs contradict the satellite, and for all that is known only a slip, or none, explains it.

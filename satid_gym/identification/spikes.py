@@ -1,4 +1,4 @@
-"""Spikes: readings that leave what stands before and after them, such as 99999 for a reading that was lost.
+"""Spikes: readings far from those before and after them, such as 99999 for a lost reading.
 
 They go before a fit, which cannot weigh them out, because the wheels' speeds run on splines through them.
 """

@@ -1,4 +1,4 @@
-"""Variation of the inertia over time: whether it is constant, where it steps, how it walks, and J(t) with its band."""
+"""Variation of the inertia over time: whether it is constant, its steps and drift, and J(t) with its band."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Step:
     """A step of the inertia.
 
     Attributes:
-        flight: number of the log, from 0, in which it came, or before which, after the one before.
+        flight: number of the log, from 0, in which it occurred; of a step between flights, of the second one.
         time: s of the log's clock; NaN of a step between flights.
         time_std: s.
-        jumped: whether the momentum jumped as well, as where a mass leaves with its own.
+        jumped: whether the momentum jumped as well, as when a mass leaves with its own momentum.
         before: (6,) theta, kg m^2.
         after: (6,)
-        change: (6,) after less before.
+        change: (6,) after minus before.
         change_std: (6,)
     """
 
@@ -52,19 +52,20 @@ class Step:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Variation:
-    """Inertia over time, at knots, straight between them; NaN is what the data do not tell.
+    """Inertia over time, at knots, linear between them; NaN where the data do not identify it.
 
     Attributes:
-        kind: what the data say of it; "not told": they say nothing, and no step below a quarter would be found; "not
-            explained": they contradict a constant inertia, and so does what it would step by contradict a satellite.
-        p: share of simulated constant inertias that look as varied.
-        detectable: step of the whole inertia, as a fraction, that would be found half of the time.
+        kind: result of the tests; "not told": the data are too few, and no step below a quarter would be found; "not
+            explained": the data contradict a constant inertia, but the steps found are impossible for a satellite.
+        p: share of simulations of a constant inertia that vary at least as much.
+        detectable: relative step of the whole inertia that would be found half of the time.
         flight: (K,) number of the log.
-        time: (K,) s of its clock; a step has two, the last before it and the first after it.
+        time: (K,) s of its clock; a step has two knots, the last before it and the first after it.
         theta: (K, 6) Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, kg m^2.
-        covariance: (K, 6, 6) of each.
+        covariance: (K, 6, 6) covariance of each.
         steps: in order of time.
-        doubted: (flight, s of its clock) of steps that no satellite makes, where the balance of momentum fails.
+        doubted: (flight, s of its clock) of steps that are impossible for a satellite, where the momentum balance
+            fails.
     """
 
     kind: Kind
@@ -183,7 +184,7 @@ def variation(
 
 
 def is_of_a_satellite(step: Step, constant: np.ndarray, covariance: np.ndarray) -> bool:
-    """Whether the data tell all of a step that they tell of a constant inertia, and no moment changes manifold."""
+    """Whether a step is identified as fully as a constant inertia, and no moment changes by a large factor."""
     told = np.isfinite(np.diag(covariance))
     if not np.isfinite(step.change_std[told]).all():
         return False
@@ -199,7 +200,7 @@ def _drifts_instead(found: Balance, course: Course, k: int) -> bool:
 
 
 def _without_idle_steps(found: Balance, course: Course, limit: float) -> Course:
-    """The course without steps at which the momentum jumped and the inertia did not."""
+    """Course without the steps at which only the momentum jumped."""
     for k in course.starts:
         fewer = replace(course, starts=tuple(start for start in course.starts if start != k))
         if Likelihood(found, course).likeliest()[1] - Likelihood(found, fewer).likeliest()[1] <= limit:

@@ -1,4 +1,4 @@
-"""Manoeuvres that tell a satellite's inertia: designed for its data sheet, judged by flights of drawn satellites."""
+"""Manoeuvres that identify a satellite's inertia, designed for its data sheet and tested on random satellites."""
 
 from satid_gym.manoeuvres.designer import Design, design
 from satid_gym.manoeuvres.feasibility import NotPossibleError

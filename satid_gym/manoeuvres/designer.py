@@ -1,4 +1,4 @@
-"""Design of a manoeuvre: from a data sheet to rates and torques, with the accuracy that they will bring."""
+"""Design of a manoeuvre: from a data sheet to rates and torques, with the predicted accuracy."""
 
 from __future__ import annotations
 
@@ -34,19 +34,20 @@ _LONGER = (2.0, 4.0, 8.0)  # durations that are tried where accuracy falls short
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """A manoeuvre and what it does; all flights are of satellites drawn about the data sheet, on test seeds.
+    """A manoeuvre and its results; all flights are of random satellites around the data sheet, on test seeds.
 
     Attributes:
         mission: satellite, prior and world that it was designed for, and the control that it is flown by.
-        request: what was asked.
-        manoeuvre: the answer.
+        request: the request.
+        manoeuvre: the best manoeuvre found.
         trial: its flights.
-        open_loop: flights of its torque in open loop, where it was designed for a rate loop.
+        open_loop: flights of its torque in open loop, if it was designed for a rate loop.
         rivals: flights of other excitation, each with its best settings.
-        stressed: flights of the manoeuvre in harder worlds, by name; but for the inertia the filter is told of them.
+        stressed: flights of the manoeuvre in harder worlds, by name; the filter knows of the changes except of the
+            inertia.
         least: (T,) standard deviation of the nominal satellite's worst moment over its prior that no motion within the
             limits can beat, at each sample from 0 on.
-        notes: what the reader should know.
+        notes: notes for the reader.
     """
 
     mission: Mission
@@ -79,19 +80,19 @@ def design(
     effort: Effort | None = None,
     progress: Progress = lambda line: None,
 ) -> Design:
-    """Manoeuvre that tells a satellite's inertia best, from rest to rest, within all limits of its data sheet.
+    """Manoeuvre that identifies a satellite's inertia best, from rest to rest, within all limits of its data sheet.
 
     Args:
         satellite: one data sheet: name, file, mapping or `Satellite`.
         duration, accuracy, returns, turn_limit, keep_outs: see `Request`.
-        scenario: noise, prior and periods, as for the environment; its horizon gives way to the duration.
-        estimator: a compiled filter, by name or settings; None: "momentum" for an inertia that stays as it is.
-        control: "rate" where a rate loop flies it, "torque" where torque is played in open loop.
+        scenario: noise, prior and periods, as for the environment; its horizon is replaced by the duration.
+        estimator: a compiled filter, by name or settings; None: "momentum" for a constant inertia.
+        control: "rate": a rate loop tracks it; "torque": torque in open loop.
         effort: how long to search.
-        progress: is told, line by line, how far it is.
+        progress: called with lines of progress.
 
     Raises:
-        NotPossibleError: no manoeuvre keeps the limits, or reaches the accuracy; the message says what would.
+        NotPossibleError: no manoeuvre keeps the limits, or reaches the accuracy; the message says what would help.
         ValueError: an argument is not valid.
     """
     request = Request.from_dict(
@@ -171,7 +172,7 @@ def _flown(manoeuvre: Manoeuvre, world: Problem, request: Request, effort: Effor
 
 
 def _harder(world: Scenario) -> dict[str, Scenario]:
-    """Worlds that are harder than the scenario, by name; but for the inertia the filter is told of it."""
+    """Worlds that are harder than the scenario, by name; the filter knows of the changes except of the inertia."""
     faster = {"wheels faster at the start": world.replace(wheel_speed_range=_FAST_WHEELS)}
     return {
         "inertia twice as far off": world.replace(inertia_std=2.0 * world.inertia_std),
@@ -182,7 +183,7 @@ def _harder(world: Scenario) -> dict[str, Scenario]:
 
 
 def _beyond(trial: Trial, request: Request) -> str:
-    """What limit flights exceed, and what would help, in words; "" where none."""
+    """Description of the limit that flights exceed, and what would help; "" if none."""
     if trial.terminated.any():
         return (
             f"{trial.terminated.mean():.0%} of the flights ended early, far beyond a limit: give higher limits, a "
@@ -212,22 +213,22 @@ def _falls_short(waves: Waves, posed: Problem, request: Request, effort: Effort,
         found = _flown(manoeuvre, world, longer, effort, "tuning")
         if request.accuracy is not None and found.accuracy <= request.accuracy and not _beyond(found, longer):
             return f"{said}; {longer.duration:g} s of the same waves leave {found.accuracy:.2g}"
-    return f"{said}, and up to {longer.duration:g} s of the same waves do not do: give wider limits or a quieter gyro"
+    return f"{said}, and up to {longer.duration:g} s of the same waves do not help: give wider limits or a quieter gyro"
 
 
 def _notes(mission: Mission, request: Request, trial: Trial, others: Sequence[Trial]) -> list[str]:
     notes = []
     if not mission.satellite.tolerances.kinds[0]:
         notes.append(
-            "the data sheet gives no gyro bias, so that the filter assumes none: with one, errors are larger than std"
+            "the data sheet gives no gyro bias, so the filter assumes none: with a bias, errors are larger than std"
         )
     if (nees := float(trial.nees.mean())) > _NEES_MAX:
-        notes.append(f"the filter claims too much: NEES is {nees:.2g}, and errors are larger than std by its root")
+        notes.append(f"the filter is overconfident: NEES is {nees:.2g}, and errors are larger than std by its root")
     if (trial.rate > 1.0).any():
         notes.append(f"in {(trial.rate > 1.0).mean():.0%} of the flights a rate was beyond its limit at some time")
     better = [other.name for other in others if other.keeps(request.cost_limit) and other.accuracy < trial.accuracy]
     if better:
         notes.append(f"more accurate within the limits, but not from rest to rest: {', '.join(better)}")
     if request.returns and (left := float(np.degrees(np.median(trial.turn[-1])))) > _RETURN_MAX:
-        notes.append(f"it comes back to {left:.2g} deg only, in the median")
+        notes.append(f"it returns only to within {left:.2g} deg, in the median")
     return notes

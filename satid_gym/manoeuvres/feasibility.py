@@ -1,4 +1,4 @@
-"""Feasibility: what no manoeuvre within the limits can tell, and what would have to change for it."""
+"""Feasibility: the accuracy that no manoeuvre within the limits can reach, and the changes that would allow it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _CLOSE = 1.005  # of a limit that is given, so that its rounded figure is enough
 
 
 class NotPossibleError(ValueError):
-    """What is asked cannot be; the message says what would make it possible."""
+    """The request is infeasible; the message says what would make it feasible."""
 
 
 def least_std(mission: Mission, duration: float) -> np.ndarray:
@@ -73,16 +73,16 @@ def check_accuracy(mission: Mission, duration: float, accuracy: float) -> None:
     needed = (
         f"it takes at least {', or '.join(remedies)}"
         if remedies
-        else (f"no duration, rate limit or gyro {_FARTHEST:g} times as good alone is enough")
+        else (f"no duration, rate limit or gyro {_FARTHEST:g} times as good is enough by itself")
     )
     raise NotPossibleError(
-        f"no manoeuvre of {duration:g} s tells every moment of inertia to {accuracy:.2g}: whatever the satellite does "
-        f"within its limits, noise leaves {least:.2g}; {needed}"
+        f"no manoeuvre of {duration:g} s determines every moment of inertia to {accuracy:.2g}: whatever the satellite "
+        f"does within its limits, noise leaves {least:.2g}; {needed}"
     )
 
 
 def _bound(satellite: Satellite, world: Scenario, duration: float) -> float:
-    """Least standard deviation at the end, for a data sheet that is operated as it stands."""
+    """Least standard deviation at the end, for a data sheet with its own limits."""
     own = world.replace(rate_limit=None, gyro_noise_std=None, wheel_speed_scale=1.0)
     mission = Mission(
         satellite=satellite,
@@ -95,7 +95,7 @@ def _bound(satellite: Satellite, world: Scenario, duration: float) -> float:
 
 
 def _least_factor(enough: Callable[[float], bool]) -> float | None:
-    """Least factor from 1 on that is enough, to about a thousandth and a little more; None where none is."""
+    """Least sufficient factor from 1 on, to about a thousandth, rounded up; None if none is enough."""
     low, high = 1.0, _FARTHEST
     if not enough(high):
         return None

@@ -1,4 +1,4 @@
-"""Figure of a design: what is commanded, what is known when, where the satellite turns, and how rivals do."""
+"""Figure of a design: commands, accuracy over time, attitude, and the results of rivals."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _torques(axes: Axes, design: Design) -> None:
 
 
 def _known(axes: Axes, design: Design) -> None:
-    """What the filter claims of each parameter, how far off the estimates are, and what no motion can beat."""
+    """Standard deviation of each parameter, actual errors, and the bound for any motion."""
     trial, world = design.trial, design.mission.scenario
     time = world.decision_period * np.arange(1, len(trial.error) + 1)
     for k in range(trial.std.shape[2]):

@@ -30,20 +30,20 @@ def page(design: Design, picture: bytes, command: str) -> str:
     parts = [
         f"<h1>Manoeuvre for {html.escape(sheet.name)}</h1>",
         f"<p>{request.duration:g} s from rest to rest, flown {flown}. {turned}. Figures are of {trial.error.shape[1]} "
-        f"satellites drawn about the data sheet, with its noise. Limits are exceeded for {percent(trial.beyond)} "
+        f"random satellites around the data sheet, with its noise. Limits are exceeded for {percent(trial.beyond)} "
         f"of the time at most; the largest rate is {percent(float(trial.rate.max()))} of its limit, the largest wheel "
         f"speed {percent(float(trial.wheel_speed.max()))}.</p>",
         table(("parameter", "scale, kg m²", "standard deviation, kg m²", "over the scale"), parameters),
         "<p>Scale: the moment of the prior, for products of inertia the geometric mean of two. For the nominal "
-        "satellite no motion within the limits tells every moment to better than "
+        "satellite no motion within the limits determines every moment to better than "
         f"{percent(float(design.least[-1]))}.</p>",
         image(picture, "Rates, torques, accuracy over time, turn, rivals, harder worlds"),
-        "<h2>Beside other excitation</h2>",
+        "<h2>Comparison with other excitation</h2>",
         table(_HEAD, [_row(name, other) for name, other in comparison(design)]),
-        "<p>The profiles and closed loops with the settings that are best for this satellite. Turn limits and "
-        "keep-outs are for the manoeuvre alone.</p>",
+        "<p>Profiles and closed loops have the best settings for this satellite. Turn limits and "
+        "keep-outs apply only to the manoeuvre.</p>",
         "<h2>In harder worlds</h2>",
-        "<p>The filter is told of them, but for the inertia that is farther off.</p>",
+        "<p>The filter knows of these changes, except of the larger inertia error.</p>",
         table(_HEAD, [_row(name, other) for name, other in design.stressed.items()]),
         "<h2>Notes</h2>",
         bullets(design.notes),

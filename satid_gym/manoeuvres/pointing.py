@@ -1,4 +1,4 @@
-"""Pointing of a manoeuvre: how far it turns the satellite, and how near boresights come to what they avoid."""
+"""Pointing of a manoeuvre: angle turned, and distance of boresights from the directions they avoid."""
 
 from __future__ import annotations
 

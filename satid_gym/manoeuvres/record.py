@@ -15,7 +15,7 @@ from satid_gym.manoeuvres.trial import Trial
 
 
 def csv(design: Design) -> str:
-    """The manoeuvre: a row a decision, what it commands until the next, and the nominal attitude as it begins."""
+    """The manoeuvre as a table: one row per decision with the commands held, and the nominal attitude at its start."""
     plan = design.manoeuvre
     wheels = range(1, plan.torque.shape[1] + 1)
     head = ["time_s", *(f"rate_{axis}_rad_per_s" for axis in "xyz"), *(f"torque_{k}_Nm" for k in wheels)]
@@ -27,7 +27,7 @@ def csv(design: Design) -> str:
 
 
 def record(design: Design) -> dict[str, Any]:
-    """All of a design but the flights' time series."""
+    """Record of a design without the flights' time series."""
     mission, plan = design.mission, design.manoeuvre
     return {
         "satellite": mission.satellite.to_dict(),
@@ -53,7 +53,7 @@ def record(design: Design) -> dict[str, Any]:
 
 
 def _flights(trial: Trial) -> dict[str, Any]:
-    """What a trial comes to; null where flights ended early."""
+    """Results of a trial; null where flights ended early."""
     error, std = trial.error[-1], trial.parameter_std[-1]
     return {
         "flights": int(error.size),
@@ -103,7 +103,7 @@ def lines(design: Design) -> Iterator[str]:
     for name, std, size in zip(NAMES, trial.parameter_std[-1], design.scale, strict=False):
         yield f"{name:5s}{std * size:14.2g}{percent(std):>10s}"
     least = percent(float(design.least[-1]))
-    yield f"for the nominal satellite no motion within the limits tells every moment better than {least}"
+    yield f"for the nominal satellite no motion within the limits determines every moment better than {least}"
     yield ""
     rate, speed = percent(float(trial.rate.max())), percent(float(trial.wheel_speed.max()))
     yield f"largest rate {rate} of its limit, wheel speed {speed}"

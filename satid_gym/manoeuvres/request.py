@@ -1,4 +1,4 @@
-"""Request of a manoeuvre: how long it may take, what it must tell, and where the satellite may point."""
+"""Request of a manoeuvre: duration, accuracy, and where the satellite may point."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from satid_gym.config import Config, check_number, real_array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class KeepOut(Config):
-    """Cone about a direction that a boresight must stay out of, such as the Sun's about a star tracker's.
+    """Cone around a direction that a boresight must stay out of, such as a star tracker's around the Sun.
 
     Attributes:
         boresight: (3,) in the body frame; any length.
-        direction: (3,) of what is avoided, in the body frame as the manoeuvre begins; any length.
+        direction: (3,) direction to avoid, in the body frame at the start of the manoeuvre; any length.
         angle: half of the cone's opening, rad.
 
     Raises:
-        ValueError: a direction has no length, or the cone is no cone.
+        ValueError: a direction is zero, or the angle is not within 0 and pi.
     """
 
     boresight: np.ndarray
@@ -46,13 +46,13 @@ class KeepOut(Config):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Request(Config):
-    """What a manoeuvre must do.
+    """Requirements of a manoeuvre.
 
     Attributes:
         duration: s, from rest to rest; an integer multiple of the scenario's decision period.
-        accuracy: largest standard deviation of a moment of inertia at the end, relative to the moment; None: as good
-            as can be.
-        returns: whether it ends in the attitude in which it began.
+        accuracy: largest standard deviation of a moment of inertia at the end, relative to the moment; None: the best
+            possible.
+        returns: whether it ends in its initial attitude.
         turn_limit: largest angle from that attitude, rad; None: any.
         keep_outs: cones that boresights stay out of, or mappings with their settings.
         cost_limit: share of the time, in the mean over satellites drawn, that rates, wheels or deflections may be

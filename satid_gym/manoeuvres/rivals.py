@@ -1,4 +1,4 @@
-"""Rivals of a manoeuvre on the same satellite: the paper's eight profiles and the closed loops, each as good as can be.
+"""Rivals of a manoeuvre on the same satellite: the paper's eight profiles and the closed loops at their best.
 
 Each is flown with several settings on tuning seeds; the best that keeps the limits is a rival, else the one that
 leaves them least.

@@ -1,4 +1,4 @@
-"""Search for the best manoeuvre, by the cross-entropy method over flights of drawn satellites.
+"""Search for the best manoeuvre, by the cross-entropy method over flights of random satellites.
 
 Candidates are judged by what the filter knows at the end, so that all the data sheet says counts: noise, tolerances,
 modes, late readings. What leaves the limits pays for it.
@@ -42,7 +42,7 @@ _TURN_SLACK = np.radians(2.0)  # that is left for what noise turns the satellite
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Effort(Config):
-    """How long to search.
+    """Effort of the search.
 
     Attributes:
         population: manoeuvres in a round, at least the eight that the next one is drawn from.

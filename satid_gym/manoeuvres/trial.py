@@ -1,4 +1,4 @@
-"""Trials: flights of several policies side by side, each with the same satellites drawn and the same noise."""
+"""Trials: parallel flights of several policies, each with the same random satellites and the same noise."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Trial:
 
     @property
     def parameters(self) -> Parameters:
-        """What the filter estimates."""
+        """Parameters that the filter estimates: "principal" or "full"."""
         return "full" if self.std.shape[2] > 3 else "principal"
 
     @property

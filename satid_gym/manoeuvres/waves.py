@@ -26,12 +26,13 @@ SIZE = 8  # numbers that a wave is coded by
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Authority:
-    """What the wheels of the nominal satellite can do to all three axes at once, (3,).
+    """Control authority of the nominal satellite's wheels about all three axes at once, (3,).
 
     Attributes:
         acceleration: rad/s^2.
-        rate: rad/s, the least of the rate limit, of what the wheels' momentum can hold, and of what torque reaches.
-        reversal: s, the longest that one may take.
+        rate: rad/s, the least of the rate limit, of the rate that the wheels' momentum allows, and of the rate that
+            torque reaches.
+        reversal: s, longest duration of a reversal.
     """
 
     acceleration: np.ndarray
@@ -40,7 +41,7 @@ class Authority:
 
     @classmethod
     def of(cls, satellite: Satellite, reversal: float = np.inf) -> Authority:
-        """Authority of a satellite with the limits it is operated with, where a reversal may take so long, s."""
+        """Authority of a satellite with its operating limits, for reversals of a given duration, s."""
         wheels, inertia = satellite.wheels, np.abs(satellite.inertia).sum(axis=0)
         strength = _USED / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # torque on all axes per wheel torque
         stored = strength * (wheels.inertia * wheels.max_speed).min() / inertia

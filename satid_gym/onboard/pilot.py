@@ -24,27 +24,27 @@ _SAME = 1e-6  # of the sample period, within which two intervals are the same
 
 
 class Pilot:
-    """Flies a policy on readings that come from anywhere: another simulator, a test bench, a satellite.
+    """Flies a policy on readings from any source: another simulator, a test bench, a satellite.
 
-    Give it every reading of gyro, wheel speeds and star tracker; it answers with the motor torque to command, new once
-    a decision period, under control "rate" with every reading. On the same readings it commands and believes what the
-    environment does.
+    Give it every reading of gyro, wheel speeds and star tracker; it returns the motor torque to command, updated once
+    per decision period, under control "rate" with every reading. On the same readings its commands and estimates equal
+    those of the environment.
 
-    A reading of None or NaN is missing. Without the gyro the filter goes on by the wheels' speeds; without wheel
-    speeds it waits for the next ones and crosses the gap with speeds between the two, and a rate is not followed
-    meanwhile: no torque. A decision that falls due without wheel speeds, or `patience` seconds after the gyro's last
-    reading, commands no torque, and so does a filter that broke down, or a clock that stands still; `status` says so.
-    What is commanded is always finite and within the motors' limits.
+    A reading of None or NaN is missing. Without the gyro the filter continues with the wheel speeds; without wheel
+    speeds it waits for the next ones and bridges the gap by interpolation, and meanwhile the rate loop commands zero
+    torque. The torque is also zero for a decision without wheel speeds or more than `patience` seconds after the gyro's
+    last reading, after a failure of the filter, and while the clock stands still; `status` says so. Commands are always
+    finite and within the motors' limits.
 
     Args:
-        satellite: name, file, mapping or `Satellite`; its data sheet is what the filter is told.
+        satellite: name, file, mapping or `Satellite`; the filter knows its data sheet.
         policy: a shipped policy's name, a baseline's that is tuned for the satellite, the path of a policy, or any
             object that follows `Policy`.
         scenario: periods, horizon, limits and the filter's prior, as for the environment.
         estimator: a compiled filter, by name or settings; None takes the scenario's.
         control: what the policy's actions are, "torque" of each wheel or body "rate", as for the environment.
-        patience: s without a gyro reading after which it commands no torque; None: three decision periods.
-        seed: of policies that draw at random.
+        patience: s without a gyro reading after which it commands zero torque; None: three decision periods.
+        seed: seed of random policies.
 
     Raises:
         ValueError: a name is unknown, a value is not valid, or the policy cannot fly this satellite.
@@ -88,7 +88,7 @@ class Pilot:
 
     @property
     def estimate(self) -> Estimate:
-        """What the filter believes now.
+        """Present estimate of the filter.
 
         Raises:
             RuntimeError: `start` was not called.
@@ -100,7 +100,7 @@ class Pilot:
     def start(
         self, time: float, gyro: object, wheel_speed: object, attitude: object = None, sun: object = None
     ) -> np.ndarray:
-        """Begin a flight, or begin again.
+        """Start a flight, or restart.
 
         Args:
             time: s, of any clock.
@@ -139,9 +139,9 @@ class Pilot:
         return self._torque.copy()
 
     def step(self, time: float, gyro: object = None, wheel_speed: object = None, attitude: object = None) -> np.ndarray:
-        """Take in the readings of one instant; arguments and result are those of `start`, None is a missing reading.
+        """Process the readings of one instant; arguments and result are those of `start`, None is a missing reading.
 
-        An attitude needs wheel speeds beside it, without which it is left out.
+        An attitude without wheel speeds is ignored.
 
         Raises:
             RuntimeError: `start` was not called.

@@ -1,4 +1,4 @@
-"""Readings as they come: missing, refused or good."""
+"""Readings as they arrive: missing, refused or good."""
 
 from __future__ import annotations
 

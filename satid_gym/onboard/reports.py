@@ -1,4 +1,4 @@
-"""Reports of the pilot: its status, and what its filter believes."""
+"""Reports of the pilot: its status, and its filter's estimate."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ _COUNTED = ("missing", "refused", "repeated", "late", "missed")
 
 @dataclass(kw_only=True)
 class Status:
-    """What the pilot made of the readings so far.
+    """State of the pilot, and problems of the readings so far.
 
     Attributes:
-        state: "waiting" for `start`; "flying"; "coasting", with no torque, for want of readings or of a filter that
-            can be trusted; "over", with no torque, after the scenario's horizon.
+        state: "waiting" for `start`; "flying"; "coasting", with zero torque, because readings are missing or the filter
+            has failed; "over", with zero torque, after the scenario's horizon.
         message: what was wrong with the last readings, in one line; empty where nothing was.
-        counts: how often readings were "missing" (None), "refused" (not finite, or beyond any limit), "repeated"
-            (a stamp that was there before), "late" (a stamp before the last); and "missed", decisions that passed
-            altogether, since no good reading came before the next was due.
+        counts: how often readings were "missing" (None), "refused" (not finite, or beyond any limit), "repeated" (the
+            same time stamp again), "late" (an earlier time stamp); and "missed", decisions that were skipped, because
+            no good reading came before the next was due.
     """
 
     state: State = "waiting"
@@ -34,17 +34,17 @@ class Status:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
-    """What the filter believes at one instant, body frame, SI units.
+    """Estimate of the filter at one instant, body frame, SI units.
 
     Attributes:
-        time: of the last readings that the filter took in, s.
-        names: (p,) of the inertia parameters: Jxx, Jyy, Jzz, and Jxy, Jxz, Jyz where all six are estimated.
+        time: time of the last readings that the filter used, s.
+        names: (p,) inertia parameters: Jxx, Jyy, Jzz, and Jxy, Jxz, Jyz where all six are estimated.
         theta: (p,) their estimates, kg m^2.
-        covariance: (p, p), with what the data sheet leaves open of the rotors' common factor.
+        covariance: (p, p), including the uncertainty of the rotors' common factor by the data sheet.
         inertia: (3, 3) kg m^2.
         mean, state_covariance: (size,) and (size, size) of the filter's whole state.
         nis: normalised innovation squared of the last update per degree of freedom; NaN before the first.
-        accepted: whether the filter took the gyro's last reading; without, it goes on by its own rate.
+        accepted: whether the filter accepted the gyro's last reading; if not, it continues with its own rate.
     """
 
     time: float
@@ -64,7 +64,7 @@ class Estimate:
 
 
 def estimate_of(belief: np.void, time: float, nis: float) -> Estimate:
-    """What a belief record says at a time, s, after an update of that NIS."""
+    """Estimate of a belief record at a time, s, after an update with that NIS."""
     p = len(belief["prior_theta"])
     theta = belief["mean"][3 : 3 + p].copy()
     block = belief["covariance"][3 : 3 + p, 3 : 3 + p]

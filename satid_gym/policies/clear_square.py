@@ -1,4 +1,4 @@
-"""Square waves of rate that keep the wheels clear of the band of speed that operators avoid.
+"""Square waves of rate that keep the wheels out of the speed band that operators avoid.
 
 Where all axes turn together, along one diagonal (+-1, +-1, +-1) of the rate envelope, one of four wheels changes much
 and three little. So of the four diagonals, and of the parts of each, the longest is flown along which no wheel comes

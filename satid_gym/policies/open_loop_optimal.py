@@ -100,7 +100,7 @@ class NotPreparedError(ValueError):
 
 
 def design_of(satellite: str, scenario: str, designs: Path = DESIGNS) -> dict[str, Any]:
-    """Stored design of a satellite in a scenario; designs that the file lacks are taken from the shipped one.
+    """Stored design of a satellite in a scenario; designs missing in the file are taken from the shipped one.
 
     Raises:
         NotPreparedError: no design is stored.

@@ -1,4 +1,4 @@
-"""Operator: turns the payload to each target in time and holds it there; what a satellite does whose inertia is known.
+"""Operator: turns the payload to each target in time and holds it there, without exciting the inertia on purpose.
 
 It turns no faster than it must, and so learns from the slews alone.
 """

@@ -69,6 +69,6 @@ class RateSquarePolicy:
 
 
 def untuned_rate_square(satellite: Satellite, horizon: float) -> RateSquarePolicy:
-    """With settings that follow from the data sheet, for a satellite that it was not tuned for; `horizon` in s."""
+    """`rate_square` with settings from the data sheet, for a satellite without tuned ones; `horizon` in s."""
     reached = satellite.rate_limit * np.mean(np.diag(satellite.inertia)) / np.min(satellite.wheels.max_torque)
     return RateSquarePolicy(max(_PERIOD_MIN, min(float(_REACH * reached), horizon / _PERIODS_MIN)), _MARGIN)

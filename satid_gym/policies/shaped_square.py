@@ -1,4 +1,4 @@
-"""Square waves of body rate whose reversals spare the modes of panels and tanks.
+"""Square waves of body rate whose reversals hardly excite the modes of panels and tanks.
 
 A mode that is excited by an acceleration a of the body swings about eta_0 = -d . a / w^2 with an amplitude A that its
 present deflection and rate give,

@@ -18,7 +18,7 @@ def names() -> list[str]:
 
 
 def rate_names() -> list[str]:
-    """Names of those for `control="rate"` alone."""
+    """Names of the shipped policies that need `control="rate"`."""
     return sorted(path.stem for path in RATE_PRETRAINED.glob("*.safetensors"))
 
 

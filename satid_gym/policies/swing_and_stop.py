@@ -1,4 +1,4 @@
-"""Swings at full rate with stops between them, at which a star tracker that follows slow rates alone sees its stars.
+"""Swings at full rate, with stops at which a star tracker for slow rates sees its stars.
 
 A gyro whose scale is unknown tells a moment of inertia no better than its scale. The angle between two stops, which the
 star tracker reads, tells both: the further the body has turned, the better. So the body swings as fast as it may, about

@@ -28,7 +28,7 @@ class Dome(abc.ABC):
 
     @abc.abstractmethod
     def state(self) -> tuple[str, Colour]:
-        """What it does, in words, and their colour."""
+        """Description of its state, and the colour of the text."""
 
     def cone(self, scene: Scene) -> None:
         """Draw the field of view, outward from the body."""

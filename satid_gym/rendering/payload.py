@@ -29,7 +29,7 @@ class Payload(Dome):
         self.sun, self.target = history.to_body(history.sun), history.to_body(history.target)
 
     def state(self) -> tuple[str, Colour]:
-        """What it does, in words, and their colour."""
+        """Description of its state, and the colour of the text."""
         opens, closes = self._history.windows[-1]
         now = self._history.time[-1]
         if angle_between(self.sun, self._axis) < self._operations.keep_out:

@@ -62,7 +62,7 @@ class ArrayEnvRunner(SingleAgentEnvRunner):
             )
 
     def _unsupported(self) -> Iterator[str]:
-        """Parts of the config that only RLlib's own runner has."""
+        """Parts of the config that only RLlib's own runner supports."""
         config = self.config
         if config._env_to_module_connector or config._module_to_env_connector:
             yield "connectors of one's own between environment and module"

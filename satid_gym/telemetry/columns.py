@@ -1,4 +1,4 @@
-"""Columns by role: which hold time, rates, wheel speeds and attitude, by a mapping or by common names."""
+"""Columns by role: time, rates, wheel speeds and attitude, by a mapping or by common names."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ GAP = 2.5  # intervals longer than so many medians are gaps
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Log:
-    """Readings of one flight; NaN, which infinities become, is a reading that is not there.
+    """Readings of one flight; NaN is a missing reading, and infinities become NaN.
 
     Attributes:
         time: (N,) s, of any clock; increasing.
@@ -58,7 +58,7 @@ class Log:
             if value is not None and value.shape != (count, width):
                 raise ValueError(f"{name} of a log must have shape ({count}, {width}) or be None, got {value.shape}")
         if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0.0).any():
-            raise ValueError("time of a log must be finite and increase from row to row; read_log sees to that")
+            raise ValueError("time of a log must be finite and increase from row to row; read_log sorts the rows")
 
     @property
     def interval(self) -> float:
@@ -72,7 +72,7 @@ class Log:
         return [(float(self.time[i]), float(steps[i])) for i in np.flatnonzero(steps > GAP * self.interval)]
 
     def rows(self, keep: np.ndarray) -> Self:
-        """The log with the rows (N,) that are to be kept only."""
+        """The log with only the rows (N,) to keep."""
         there = {name: getattr(self, name) for name in CHANNELS}
         kept: dict[str, Any] = {name: value if value is None else value[keep] for name, value in there.items()}
         return replace(self, time=self.time[keep], **kept)

@@ -1,4 +1,4 @@
-"""Reader of telemetry: files to a `Log`, with stamps in order and channels on one clock."""
+"""Reader of telemetry: files to a `Log`, with increasing time stamps and channels on one clock."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _in_units(role: str, columns: list[Column], units: Mapping[str, str], notes:
         raise ValueError(f"the columns of {role} have the units {sorted(map(str, own))}, expected one for all")
     else:
         unit = own.pop() or ALLOWED[role][0]
-        said = "as files say" if columns[0].unit else "for want of a unit in the files"
+        said = "as files say" if columns[0].unit else "because the files give no unit"
         note = f"{role} taken as {unit}, {said}"
         if note not in notes:  # each file has a clock
             notes.append(note)

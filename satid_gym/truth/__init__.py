@@ -1,4 +1,4 @@
-"""Truth from elsewhere: the environment on another simulator's satellite."""
+"""Truth from another simulator or a test bench."""
 
 from satid_gym.truth.protocol import Episode, State, Truth
 

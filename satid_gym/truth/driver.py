@@ -114,7 +114,7 @@ class TruthDriver:
                 "them to a truth whose State has gyro and tachometer, or give sensors of an instant"
             )
         if plant["faulty"] and any(own):
-            raise ValueError("a truth with readings of its own has faults of its own: give a scenario without faults")
+            raise ValueError("a truth that returns readings simulates their faults too: give a scenario without faults")
 
     def _taken(self, call: str, state: object) -> State:
         """Write a state to the plant, which is the truth that the core sees."""
@@ -128,7 +128,7 @@ class TruthDriver:
         if state.inertia is None:
             if plant["gravity_gradient"]:
                 raise ValueError(
-                    f"{name} does not tell the inertia, of which the gravity gradient is made: give "
+                    f"{name} does not tell the inertia, which the gravity gradient needs: give "
                     'scenario={"gravity_gradient": False}'
                 )
             plant["inertia"] = np.nan

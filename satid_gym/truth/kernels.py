@@ -1,6 +1,6 @@
-"""Kernels of a decision whose truth is moved elsewhere: what an episode does, without its integrator.
+"""Kernels of a decision with an external truth: those of an episode without the integrator.
 
-They work on row 0. The plant's record holds what the truth said last.
+They work on row 0. The plant's record holds the truth's last state.
 """
 
 from __future__ import annotations

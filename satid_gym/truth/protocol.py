@@ -1,4 +1,4 @@
-"""Protocol of a truth: what it is told, what it answers, and in which units and frames."""
+"""Protocol of a truth: its inputs and outputs, with units and frames."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from satid_gym.satellite import Satellite
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Episode:
-    """Episode as the environment has drawn it, for a truth to begin with; by default at rest.
+    """Episode as drawn by the environment, from which a truth starts; by default at rest.
 
     Vectors are in the body frame. A wheel spins about its axis, a column of `satellite.wheels.axes`, by its speed
     relative to the body.
 
     Attributes:
-        satellite: as built, with drawn inertia (kg m^2, oscillators at rest), wheel axes, rotor inertias and
-            oscillators; with friction and limits as the scenario operates it.
-        law: how the inertia varies from `satellite.inertia` on; static unless the truth says that it follows laws.
-        rate: (3,) first body rate, rad/s.
-        wheel_speed: (n,) first wheel speeds, rad/s.
-        attitude: (4,) first attitude, a quaternion from body to inertial, scalar last.
-        deflection: (c,) first deflection of the oscillators, rad of a panel, m of a slosh mass; first and second of a
+        satellite: true values, with drawn inertia (kg m^2, oscillators at rest), wheel axes, rotor inertias and
+            oscillators; with friction and limits of the scenario.
+        law: variation of the inertia from `satellite.inertia`; static unless the truth declares that it follows laws.
+        rate: (3,) initial body rate, rad/s.
+        wheel_speed: (n,) initial wheel speeds, rad/s.
+        attitude: (4,) initial attitude, a quaternion from body to inertial, scalar last.
+        deflection: (c,) initial deflection of the oscillators, rad for a panel, m for a slosh mass; the two of a
             mirrored pair follow each other.
         deflection_rate: (c,) its rate, per second.
-        sample_period: s, for which each torque is held.
-        seed: for a truth with noise of its own; the same episode has the same seed.
+        sample_period: s for which each torque is held.
+        seed: for a truth with its own noise; the same episode has the same seed.
     """
 
     satellite: Satellite
@@ -55,7 +55,7 @@ class Episode:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """State of a satellite at an instant, as its truth tells it.
+    """State of a satellite at an instant, as returned by its truth.
 
     Attributes:
         rate: (3,) body rate relative to inertial space, body frame, rad/s.
@@ -63,7 +63,7 @@ class State:
         inertia: (3, 3) kg m^2, body frame, about the centre of mass, wheels locked and oscillators at rest; None: not
             known, then `relative_error`, `nees` and `inertia_true` in info are NaN.
         attitude: (4,) quaternion from body to inertial, scalar last; None: the environment integrates the rate.
-        deflection: (c,) of the oscillators, as in `Episode`; needed where the satellite has any.
+        deflection: (c,) of the oscillators, as in `Episode`; required if the satellite has any.
         gyro: (3,) rad/s, a reading in place of the environment's own; None: the environment's sensor reads `rate`.
         tachometer: (n,) rad/s, a reading in place of the environment's own; None: its sensor reads `wheel_speed`.
     """
@@ -78,27 +78,26 @@ class State:
 
 
 class Truth(Protocol):
-    """Simulator, or test bench, that moves the satellite in the place of the environment's own truth.
+    """Simulator, or test bench, that moves the satellite instead of the environment's own truth.
 
     The environment draws the episode, the motors' noise and faults, sensor noise and disturbance; the truth moves body
-    and wheels. One that has a satellite of its own leaves out of `Episode` what it does not need: what it answers
-    counts. What it cannot do, it refuses in `start` by a ValueError.
+    and wheels. A truth with its own satellite ignores what it does not need of `Episode`: its returned state is used.
+    `start` raises ValueError for what it cannot simulate.
 
-    A truth with a true attribute `follows_law` lets its inertia vary by `Episode.law`; with one that has none the
-    environment refuses every inertia but "static".
-    """
+    A truth with a true attribute `follows_law` varies its inertia by `Episode.law`; without it the environment refuses
+    every inertia mode except "static"."""
 
     def start(self, episode: Episode) -> State:
         """Begin an episode; the state at time 0."""
 
     def advance(self, torque: np.ndarray, disturbance: np.ndarray, duration: float) -> State:
-        """Move on at constant torque.
+        """Advance the state at constant torque.
 
         Args:
             torque: (n,) motor torque on each wheel about its axis, N m, with noise and limits; the body feels -A u.
                 Friction of the wheels is the truth's.
-            disturbance: (3,) torque from outside on the satellite, body frame, N m; a truth with an environment of its
-                own leaves it out.
+            disturbance: (3,) external torque on the satellite, body frame, N m; a truth with its own orbit may ignore
+                it.
             duration: s.
 
         Returns:
