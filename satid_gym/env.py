@@ -208,7 +208,7 @@ draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
 (a tank), "calibration" (a star tracker), "operations" (imaging windows), "paper", or a `Scenario` |
-    | estimator | "adaptive" | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
+    | estimator | None | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` uses it only for its TimeLimit, which does not \
