@@ -20,6 +20,9 @@ else a running mean of y, whose noise is hardly any excitation. A reference that
 would be off the rate for minutes: motion that never was. Of a body that never moves even the running mean's noise would
 tell something; so until an axis has moved r is the mean of its first readings, and it has moved where the running mean
 is off that by more than the noise of both.
+
+Where readings are aligned in time (`alignment`), errors of neighbouring ones are alike and neither holds: there m moves
+at J^-1 m, and r does not move within the noise.
 Source: this project's design; its model is the invariant EKF, Barrau and Bonnabel, The invariant extended Kalman filter
 as a stable observer (2017), where errors are chosen so that what cannot be observed does not depend on the estimate.
 """
@@ -50,9 +53,11 @@ def start_reference(belief, rate):
 def _move_axis(belief, axis, likely, spin):
     """Move the reference about one axis to the most likely rate, which has noise of variance spin."""
     rate, smoothed, count, noise = belief.reference_rate, belief.smoothed_rate, belief.smoothed_count, spin * _BEYOND
-    if (likely - rate[axis]) ** 2 > 2.0 * noise:  # of two readings
+    moves = (likely - rate[axis]) ** 2 > 2.0 * noise  # of two readings
+    if moves:
         rate[axis] = smoothed[axis] = likely
         count[axis] = belief.has_moved[axis] = 1
+    if moves or belief.alignment.on != 0:
         return
     count[axis] += 1
     share = 1.0 / count[axis]
@@ -118,7 +123,8 @@ def finish(belief, work):
     if belief.alignment.noise_taps == 0:
         lasting = change
     correction = multiply(J_inv, change)
-    carried = add(carried, subtract(multiply(inertia, add(rate, correction)), multiply(before, rate)))
+    at = rate if belief.alignment.on == 0 else multiply(J_inv, carried)
+    carried = add(carried, subtract(multiply(inertia, add(at, correction)), multiply(before, at)))
     for i in range(3):
         for j in range(transition.shape[1]):
             transition[i, j] = 0.0
