@@ -14,6 +14,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from baselines.scenarios.four_wheels import on_pyramid
 from baselines.studies import basilisk as study
 from satid_gym import (
     SATELLITES,
@@ -465,23 +466,35 @@ def test_the_filter_is_consistent_on_basilisks_truth(case):
     assert 0.3 < nees < 2.0, found
 
 
+PYRAMID = on_pyramid(SATELLITES["microsat"], (0.0, 10.0)).wheels
 STEERED = {
     "exact": {},
     "full tensor": {"scenario": {"tilt_std": 0.15}},
     "friction 10 of 100 mN m": {"coulomb": 0.01},
     "commands three samples late": {"scenario": {"faults": {"torque_delay": (3, 3)}}},
     "panels, spared": {"oscillators": (LIGHT.replace(deflection_limit=float(np.radians(0.5))),)},
+    "panels, reference with a slope": {"scenario": {"reference_slope": 0.3}, "oscillators": (LIGHT,)},
+    "a wheel fails": {"fails": 40.0},
+    "four wheels out of a band": {"wheels": PYRAMID},
 }
 
 
 def steered(
-    seed: int, scenario: dict | None = None, coulomb: float = 0.0, oscillators: tuple[Oscillator, ...] = ()
-) -> tuple[float, float, float]:
+    seed: int,
+    scenario: dict | None = None,
+    coulomb: float = 0.0,
+    oscillators: tuple[Oscillator, ...] = (),
+    wheels: ReactionWheels = SATELLITES["microsat"].wheels,
+    fails: float = np.inf,
+) -> tuple[float, float, float, float]:
     """Shares of 120 s in which Basilisk's microsat is outside its rate limit and its panels beyond theirs; NEES.
 
-    A pilot commands body rates, `shaped_square` where there are panels, else `rate_square`; inertia drawn as above.
+    Last the share of the time after 30 s in which a wheel is in its avoided band. A pilot commands body rates,
+    `shaped_square` where panels have a limit, else `rate_square`; inertia drawn as above. The first wheel fails at a
+    time in s.
     """
-    generator, nominal = np.random.default_rng([seed, 29]), SATELLITES["microsat"].replace(oscillators=oscillators)
+    generator = np.random.default_rng([seed, 29])
+    nominal = SATELLITES["microsat"].replace(oscillators=oscillators, wheels=wheels)
     world = Scenario().replace(**(scenario or {}))
     while True:
         turn = Rotation.from_rotvec(world.tilt_std * generator.normal(size=3)).as_matrix()
@@ -490,38 +503,47 @@ def steered(
             break
     inertia = turn @ inertia @ turn.T
     built = tuple(drawn(o, generator) for o in oscillators)
-    wheels = nominal.wheels.replace(friction=WheelFriction(coulomb=coulomb))
+    rubbing, n = wheels.replace(friction=WheelFriction(coulomb=coulomb)), wheels.count
     theirs = Measured()
-    theirs.begin(Satellite("body", inertia, wheels, mass=95.0, oscillators=built), generator.uniform(-100.0, 100.0, 3))
-    policy = ShapedSquarePolicy() if oscillators else RateSquarePolicy(36.0, 3.5)
+    theirs.begin(Satellite("body", inertia, rubbing, mass=95.0, oscillators=built), generator.uniform(-100.0, 100.0, n))
+    limited = [o for o in built if o.deflection_limit is not None]
+    policy = ShapedSquarePolicy() if limited else RateSquarePolicy(36.0, 3.5)
     pilot = Pilot(nominal, policy, scenario=world, control="rate")
-    late = [np.zeros(3)] * world.faults.torque_delay[1]
-    outside, beyond, nees = [], [], []
+    late = [np.zeros(n)] * world.faults.torque_delay[1]
+    outside, beyond, nees, in_band = [], [], [], []
     for k in range(1200):
         rate, gyro, speed = theirs.readings()
+        if k >= 300:
+            in_band.append(np.abs(speed).min() < wheels.avoided_speed[1])
         gyro = gyro + nominal.gyro_noise_std * generator.normal(size=3)
-        speed = speed + nominal.tachometer_noise_std * generator.normal(size=3)
-        torque = np.zeros(3)
+        speed = speed + nominal.tachometer_noise_std * generator.normal(size=n)
+        torque = np.zeros(n)
         if k > 0:  # Basilisk's IMU has no reading at time 0
             torque = (pilot.start if k == 1 else pilot.step)(k * PERIOD, gyro, speed)
         late.append(torque)
         outside.append(np.abs(rate).max() > nominal.rate_limit)
-        beyond += [np.abs(theirs.state().deflection).max() > o.deflection_limit for o in built]
+        beyond += [np.abs(theirs.state().deflection).max() > o.deflection_limit for o in limited]
         if k >= 300 and k % 10 == 0:
             found = pilot.estimate
             order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))[: len(found.theta)]
             error = found.theta - [inertia[i, j] for i, j in order]
             nees.append(error @ np.linalg.solve(found.covariance, error) / len(error))
-        theirs.push_on(np.clip(late.pop(0) + 0.005 * generator.normal(size=3), -0.1, 0.1))
-    return float(np.mean(outside)), float(np.mean(beyond)) if beyond else 0.0, float(np.mean(nees))
+        works = np.arange(n) > 0 if k * PERIOD >= fails else np.ones(n)
+        theirs.push_on(works * np.clip(late.pop(0) + 0.005 * generator.normal(size=n), -0.1, 0.1))
+    return (
+        float(np.mean(outside)), float(np.mean(beyond)) if beyond else 0.0, float(np.mean(nees)),
+        float(np.mean(in_band)),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("case", STEERED)
 def test_rates_are_kept_on_basilisks_truth(case):
-    """Mean of 8 flights: at most 1 % of the time outside the rate limit, and beyond the panels'."""
-    outside, beyond, nees = np.mean([steered(seed, **STEERED[case]) for seed in range(8)], axis=0)
-    print(f"{case}: outside {outside:.3%}, beyond the deflection's limit {beyond:.3%}, NEES {nees:.2f}")
+    """Mean of 8 flights: at most 1 % of the time outside the rate limit, beyond the panels', and in a band."""
+    outside, beyond, nees, in_band = np.mean([steered(seed, **STEERED[case]) for seed in range(8)], axis=0)
+    print(f"{case}: outside {outside:.3%}, beyond the deflection's limit {beyond:.3%}, NEES {nees:.2f}, "
+          f"in the band {in_band:.3%}")  # fmt: skip
     assert outside <= 0.01
+    assert in_band <= 0.01 or "fails" in case
     assert beyond <= 0.01
     assert 0.2 < nees < 2.5
 
