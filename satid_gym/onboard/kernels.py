@@ -60,7 +60,7 @@ def _widen(belief, torque_max, gap):
     Within the motors' limits u the body turns by up to J^-1 A u T^2 / 4 from where a line leads: at full torque for
     half the gap and back. Taken as uniform within that, the turn moves the momentum across itself. The RateEKF has no
     momentum, and keeps its covariance. Readings from before the gap that are aligned with later ones count as mixed
-    until they have left the means. The attitude begins anew with the star tracker's next reading.
+    until they have left the means. The attitude begins again with the star tracker's next reading.
     """
     if belief.alignment.on != 0:
         belief.alignment.mixed = belief.alignment.span + 1

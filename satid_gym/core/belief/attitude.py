@@ -10,7 +10,7 @@ change. Noise of the tachometers enters M and psi as one and the same. A reading
 
     q_read q^-1 = exp(psi + noise),   N = s_a^2 (1 - b b^T) + s_r^2 b b^T,   b: boresight, inertial frame
 
-After each update q takes up the mean of psi. The attitude begins with a reading, and begins anew with another where a
+After each update q takes up the mean of psi. The attitude begins with a reading, and begins again with another where a
 step or a mass that moves has changed the inertia, for the rate was then wrong for a part of a sample, and where no
 sample came for so long that nobody knows how far the body has turned.
 Source: Lefferts, Markley, Shuster, Kalman filtering for spacecraft attitude estimation (1982); Markley, Attitude error
@@ -30,7 +30,7 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
 
-_KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins anew: the error is no small angle
+_KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins again: the error is no small angle
 
 
 @functools.cache

@@ -167,7 +167,7 @@ def command(task, torque):
 
 @inline
 def forget_last(s):
-    """Begin anew after a time in which no torque was commanded; estimates stay."""
+    """Begin again after a time in which no torque was commanded; estimates stay."""
     for k in range(s.begun.shape[0]):
         s.begun[k] = 0
         s.commanded[k] = 0.0
