@@ -21,8 +21,8 @@ would be off the rate for minutes: motion that never was. Of a body that never m
 tell something; so until an axis has moved r is the mean of its first readings, and it has moved where the running mean
 is off that by more than the noise of both.
 
-Where readings are aligned in time (`alignment`) their noise is correlated, and with these two rules the filter was found
-overconfident: there m moves at J^-1 m, and r does not move within the noise.
+Where readings are aligned in time (`alignment`) their noise is correlated, and with these two rules the filter was
+found overconfident: there m moves at J^-1 m, and r does not move within the noise.
 Source: this project's design; its model is the invariant EKF, Barrau and Bonnabel, The invariant extended Kalman filter
 as a stable observer (2017), where errors are chosen so that what cannot be observed does not depend on the estimate.
 """
