@@ -431,7 +431,7 @@ def test_the_filters_walk_is_observed(more):
         (one, *_, info), both = env.step(action), many.step(np.array([action, action]))[0]
         assert one[place] == pytest.approx(np.log10(info["inertia_walk"]) + 2.0, abs=1e-6)
         seen.append(one[place])
-    assert len(set(seen)) > 10, "it is found anew"
+    assert len(set(seen)) > 10, "it is found again"
 
 
 def test_mpc_plans_with_the_walk_that_it_observes():

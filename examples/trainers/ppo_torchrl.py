@@ -47,7 +47,7 @@ def train(steps, seed):
         actor,
         frames_per_batch=rollout,
         total_frames=updates(steps) * rollout,
-        auto_register_policy_transforms=False,  # they mark where memories begin anew, of which there are none
+        auto_register_policy_transforms=False,  # they mark where memories begin again, of which there are none
     )
     for data in collector:
         with torch.no_grad():

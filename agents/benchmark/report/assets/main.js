@@ -101,6 +101,6 @@ let width = innerWidth;
 addEventListener("resize", () => {
   if (innerWidth === width) return; // a phone's address bar comes and goes
   width = innerWidth;
-  showTradeOffs(); // labels find their places anew
+  showTradeOffs(); // labels find their places again
   showHeatmap(); // so do those of the colours
 });
