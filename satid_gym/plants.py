@@ -27,8 +27,8 @@ def new_plant(
 
     Args:
         satellite, law, disturbance: what it is made of.
-        room: for so many knots of a law or more.
-        delay: room for commands that come so many samples late.
+        room: least number of knots of a law for which there is room.
+        delay: largest delay of commands, in samples, for which there is room.
 
     Raises:
         ValueError: the law would make the inertia unphysical on its way.

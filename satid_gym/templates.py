@@ -46,7 +46,7 @@ class EpisodeTemplates:
 
 
 def build_templates(p: Problem, inertia: np.ndarray | None = None, room: int = 1) -> EpisodeTemplates:
-    """Templates of a problem, with room for so many knots or more; a true `inertia` replaces the drawn one.
+    """Templates of a problem, with room for at least `room` knots; a true `inertia` replaces the drawn one.
 
     Raises:
         ValueError: `inertia` is no rigid body's, or has products that the problem's filter leaves out.

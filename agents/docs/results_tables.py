@@ -18,7 +18,7 @@ Record = Mapping[str, Any]
 
 _ORDER = {"learned": 0, "closed_loop": 1, "scripted": 2, "reference": 3}
 _PLANNER = "mpc"  # whose time of a decision is what a network saves
-_SHORT = (  # rows of the short tables: so many of each kind, the best ones
+_SHORT = (  # rows of the short tables: the best of each kind, up to these numbers
     (2, lambda r: r["kind"] == "learned"),
     (1, lambda r: r["kind"] == "closed_loop"),
     (1, lambda r: r["policy"] in PROFILES),

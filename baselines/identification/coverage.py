@@ -82,7 +82,7 @@ def draw(kind: str, seed: int) -> tuple[np.ndarray, float]:
 
 
 def coverage(kind: str, draws: int, seed: int = 0) -> Coverage:
-    """Of so many draws of a kind of telemetry."""
+    """Summary of a number of draws of one kind of telemetry."""
     found = [draw(kind, seed + number) for number in range(draws)]
     z = np.array([one for one, _ in found])
     one, two, three = (float((np.abs(z) < bound).mean()) for bound in (1.0, 1.96, 3.0))

@@ -52,7 +52,7 @@ class Flown:
         return not self.terminated.any() and bool(self.costs.mean(axis=0).max() <= limit)
 
     def first(self, count: int) -> Flown:
-        """The first so many episodes."""
+        """The first `count` episodes."""
         return self.take(np.arange(count))
 
     def take(self, rows: np.ndarray) -> Flown:

@@ -25,7 +25,7 @@ from satid_gym.scenario_catalogue import SCENARIOS
 
 Trial = tuple[dict[str, float], Policy]
 AMPLITUDES = np.geomspace(0.01, 0.95, 20).round(3).tolist()  # of the rate limit
-_COARSE = 3  # of which every so many are tried where episodes are long: 0.013 to 0.95, a factor of 2 apart
+_COARSE = 3  # step through the amplitudes where episodes are long: 0.013 to 0.95, a factor of 2 apart
 _INSIDE = -1.0  # ranks before any share of episodes that ended
 PERIODS = (12.0, 24.0, 48.0, 96.0, 192.0)  # s
 SPARED = (8.0, 12.0, 16.0, 24.0, 48.0)  # s, periods of `spared_square`

@@ -36,7 +36,7 @@ class Recording:
         dt: s between two instants.
         attitude: (N, T, 4) quaternion, body to inertial, scalar last.
         gyro, tachometer: (N, T, 3) and (N, T, n) readings, rad/s.
-        star_tracker: (N, T, 4) readings, as `attitude`; not a number where there is none.
+        star_tracker: (N, T, 4) readings, as `attitude`; NaN without a reading.
         theta: (N, T, p) estimate, kg m^2.
         covariance: (N, T, p, p) of it, as the filter believed.
         outside: (N,) share of the time outside the rate limit.

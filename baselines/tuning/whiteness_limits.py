@@ -58,7 +58,7 @@ def largest(flights: int, readings: int, seed: int) -> np.ndarray:
 
 
 def limits(found: np.ndarray, rate: float) -> np.ndarray:
-    """(L,) quantiles of one probability, beyond one of which are so many of the flights (N, L)."""
+    """(L,) quantiles of one probability, beyond which that share of the flights (N, L) lies."""
     low, high = 0.0, rate
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)

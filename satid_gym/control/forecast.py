@@ -88,7 +88,7 @@ class Trail(NamedTuple):
 
     @classmethod
     def of(cls, dtype: np.dtype, ahead: int) -> Trail:
-        """Room for a plan of so many decisions."""
+        """Room for a plan of `ahead` decisions."""
         return cls(np.empty(ahead + 1, dtype), np.empty((ahead + 1, 3)), np.zeros(ahead + 1))
 
 

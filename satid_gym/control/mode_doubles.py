@@ -1,7 +1,7 @@
 """Doubles of modes: how far the body may bend where its frequencies are not those that the filter expects.
 
-Each mode has two doubles, one slower and one faster than its estimate by so many standard deviations. They begin as the
-estimate is and are driven by the same change of the body rate,
+Each mode has two doubles, one slower and one faster than its estimate by `caution` standard deviations. They begin as
+the estimate is and are driven by the same change of the body rate,
 
     d2 eta/dt2 = -w^2 eta - 2 zeta w deta/dt - d . domega/dt
 

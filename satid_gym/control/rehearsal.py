@@ -71,7 +71,7 @@ class Trail(NamedTuple):
 
     @classmethod
     def of(cls, flights: Flights, ahead: int) -> Trail:
-        """Room for a plan of so many decisions."""
+        """Room for a plan of `ahead` decisions."""
         count, (wheels, oscillators) = ahead + 1, room(flights)
         return cls(
             beliefs=np.empty(count, flights.beliefs.dtype),
@@ -117,7 +117,7 @@ def _expected_error(belief, scratch):
 
 @inline
 def _time(task, samples):
-    """s since the start, so many samples after the decision began."""
+    """Time since the start, s, `samples` samples after the decision began."""
     return (task.decision * task.samples + samples) * task.sample_period
 
 

@@ -15,7 +15,7 @@ from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 
 OUTLIER = 0.1  # weight below which an instant counts as an outlier
-_PARTS = 5  # a single log is cut into so many
+_PARTS = 5  # into which a single log is cut
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,7 +30,7 @@ class FlightReport:
         theta: (6,) from this flight alone, kg m^2; NaN where it does not tell.
         std: (6,) its formal standard deviations.
         share: (6,) of the information about each parameter.
-        delays: (2,) s, of wheel speeds and of attitude; NaN where there is none.
+        delays: (2,) s, of wheel speeds and of attitude; NaN without one.
         time: (N,) s, of the residuals.
         told: (N, 6) share of the information about each parameter that each of these instants gave.
         residual: (N, n) wheel speeds as measured less as balanced, rad/s.

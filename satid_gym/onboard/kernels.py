@@ -83,7 +83,7 @@ def _widen(belief, torque_max, gap):
 
 @kernel
 def cross_gap(beliefs, tasks, gap):
-    """Widen the belief for a gap of so many seconds that `take` is about to cross."""
+    """Widen the belief for a gap (s) that `take` is about to cross."""
     _widen(beliefs[0], tasks[0].torque_max, gap)
 
 

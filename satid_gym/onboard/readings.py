@@ -9,7 +9,7 @@ import numpy as np
 from satid_gym.config import direction
 from satid_gym.satellite import Satellite
 
-SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading of more than so many limits is a wrong unit or a fault
+SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading beyond this many limits is a wrong unit or a fault
 _LENGTH_SLACK = 1e-3  # of a quaternion
 
 

@@ -137,7 +137,7 @@ def _divisor(samples: int, wanted: float) -> int:
 
 
 def _lengthen(flights: Flights, stride: int) -> None:
-    """Let one reading stand for so many, with the noise of their mean."""
+    """Let one reading stand for `stride` of them, with the noise of their mean."""
     flights.beliefs["gyro_std"] /= np.sqrt(stride)
     flights.beliefs["wheel_momentum_covariance"] /= stride
     flights.tasks["sample_period"] *= stride

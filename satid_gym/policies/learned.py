@@ -115,8 +115,8 @@ class LearnedPolicy:
         spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
 
     Raises:
-        ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is none or
-            out of range, or a network that commands rates has other than 3 outputs.
+        ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
+            or a network that commands rates has other than 3 outputs.
     """
 
     kind: Kind = "learned"

@@ -21,7 +21,7 @@ class History:
         decision_period: duration of a decision, s.
         law: number of the inertia law in the core.
         orbit_rate: rad/s.
-        operations: of the payload; None: there is none.
+        operations: of the payload; None without one.
 
     Attributes:
         count: number of entries so far.

@@ -111,7 +111,7 @@ class ArrayEnvRunner(SingleAgentEnvRunner):
         random_actions: bool = False,
         force_reset: bool = False,
     ) -> list[SingleAgentEpisode]:
-        """Episodes and chunks of at least so many steps, or so many whole episodes from a reset; see `sample`."""
+        """Episodes and chunks of at least the given steps, or whole episodes from a reset; see `sample`."""
         if force_reset or num_episodes is not None or self._needs_initial_reset:
             self._reset_envs_and_episodes(explore)
         self._needs_initial_reset = num_episodes is not None

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 CHANNELS = ("rate", "wheel_speed", "attitude", "torque", "motor_torque")
-GAP = 2.5  # intervals longer than so many medians are gaps
+GAP = 2.5  # medians beyond which an interval is a gap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

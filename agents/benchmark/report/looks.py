@@ -8,7 +8,7 @@ from agents.benchmark.stored import MARK
 from satid_gym.policies.registry import BASELINES, RATE_BASELINES
 from satid_gym.policies.shipped import names, rate_names
 
-_OTHERS = 100_000  # so many further places, for policies that the registry does not have
+_OTHERS = 100_000  # further places, for policies that the registry does not have
 
 
 def place(policy: str) -> int:

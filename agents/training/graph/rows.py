@@ -69,7 +69,7 @@ class Builder:
     def loop(
         self, rounds: int, active: Row, values: list[Row], turn: Callable[[list[Row]], tuple[list[Any], Row | bool]]
     ) -> list[Row]:
-        """Rows after a loop that ends when no row is active any more, or after so many rounds.
+        """Rows after a loop that ends when no row is active any more, or after the given number of rounds.
 
         Args:
             rounds: at most.

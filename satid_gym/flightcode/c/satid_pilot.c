@@ -3,7 +3,7 @@
 #include <string.h>
 
 #define SAME 1e-6          /* of the sample period, within which two intervals are the same */
-#define SPEED_MAX 1.5      /* a reading of more than so many limits is a wrong unit or a fault */
+#define SPEED_MAX 1.5      /* a reading beyond this many limits is a wrong unit or a fault */
 #define RATE_MAX 10.0
 #define STEPS_MAX (SATID_DECISIONS * SATID_SAMPLES + 1) /* samples of the longest gap that is crossed */
 

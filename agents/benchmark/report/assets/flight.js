@@ -212,7 +212,7 @@ function drawWheel(pen, path, inertial, near, { axis, centre, radius, u, v }, k,
   }
 }
 
-/** A number with so many decimals, and no minus before a zero. */
+/** A number with a given count of decimals, and no minus before a zero. */
 const fixed = (value, decimals) => (Number(value.toFixed(decimals)) || 0).toFixed(decimals);
 
 // gauges: each rate and each wheel against its limit

@@ -44,7 +44,7 @@ const percent = (fraction) => digits3(100 * fraction);
 
 // Colour and dash tell lines apart, and either does alone for most pairs; the marker tells the kind. A policy's place
 // among them is fixed by its name, so that it looks the same on every page. Colours and dashes of a kind are coprime in
-// number: so many places pass before both come again.
+// number: this many places pass before both come again.
 const LOOKS = {
   learned: { colours: ["vermillion", "purple", "ink"], dashes: ["solid", "dash", "dot", "dashdot"], symbol: "star", size: 13 },
   closed_loop: {
