@@ -90,7 +90,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
 
 def _rehearsals(scenario: str) -> list[dict[str, Any]]:
     """Settings of `filter_mpc` to try: certainty-equivalent with no caution."""
-    if _has_tracker(scenario):  # each takes about 4 ms a decision
+    if _has_tracker(scenario):  # more edits, or more readings, take more than 5 ms a decision
         return [{"horizon": 40, "edits": 16}, {"horizon": 60, "edits": 20, "step": 1.0}]
     return [
         {"horizon": 16, "edits": 24, "tail": 5.0, "caution": caution, "amplitude": amplitude}
