@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from baselines.scenarios import gate as gates
 from baselines.scenarios import rivals
-from baselines.scenarios.flights import Cell, Flown, _error, flown
+from baselines.scenarios.flights import Cell, Flown, flown, unit_free_error
 from baselines.scenarios.gate import Gate, over, row, show
 from baselines.scenarios.oracle import search
 from baselines.scenarios.plans.shaped import ShapedPlan, with_true_modes
@@ -187,9 +187,9 @@ def test_a_factor_on_all_rotors_is_in_no_error():
     factor = (plants["wheel_inertia"] / SATELLITES["microsat"].wheels.inertia).mean(axis=1)
     assert np.abs(factor - 1.0).max() > 1e-4
     reports["inertia_estimate"] = reports["inertia_true"] / factor[:, None, None]
-    np.testing.assert_allclose(_error(env), 0.0, atol=1e-12)
+    np.testing.assert_allclose(unit_free_error(env.fleet), 0.0, atol=1e-12)
     reports["inertia_estimate"] *= 1.01
-    np.testing.assert_allclose(_error(env), 0.01, rtol=1e-9)
+    np.testing.assert_allclose(unit_free_error(env.fleet), 0.01, rtol=1e-9)
     env.close()
 
 

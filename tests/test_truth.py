@@ -245,7 +245,7 @@ def test_a_truth_that_cannot_fly_the_problem_is_refused(settings, message):
     [
         ({"truth": Still()}, {"inertia": "step"}, "does not follow inertia laws"),
         ({"truth": Still(gyro=np.zeros(3)), "scenario": {"gravity_gradient": False, "faults": {"wheel_loss": 1.0}}},
-         None, "faults of its own"),
+         None, "simulates their faults too"),
         ({"truth": Still(), "scenario": {"gravity_gradient": False, "sensors": {"tachometer_delay": 1.0}}},
          None, "between two states"),
     ],
