@@ -345,3 +345,29 @@ def test_noise_of_the_tachometers_is_no_excitation_where_the_body_is_at_rest(sat
     coarse = SCENARIOS["operations"].replace(tachometer_noise_std=None)
     cell = Cell(scenario=coarse, satellite=satellite, inertia="static")
     assert 0.3 < flown(cell, OperatorPolicy(), seeds("validation", 24)).nees.mean() < 2.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("policy", [OperatorPolicy(), SwingBetweenPolicy()], ids=lambda policy: policy.name)
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_a_step_of_the_inertia_at_rest_is_found_once_the_body_turns(satellite, policy):
+    """No reading depends on the inertia of a body at rest: what is believed until it turns is of the time before."""
+    chosen = seeds("validation", 24)
+    env = SatInertiaIDVectorEnv(24, satellite, "step", "operations", **SETTINGS)
+    policy.reset(missions(env.problem)[0], chosen)
+    observation, _ = env.reset(seed=chosen)
+    plants, turned = env.fleet.rows.plants, np.zeros(24)
+    nees, stepped, turns = [], [], []
+    for _ in range(env.problem.scenario.decisions):
+        observation, _, _, _, info = env.step(policy(observation))
+        after = plants["stepped"] == 1
+        rate = np.abs(plants["rate"]).max(axis=1) / env.problem.satellites[0].rate_limit
+        turned += after & (rate > 0.1)
+        nees.append(info["nees"].copy())
+        stepped.append(after.copy())
+        turns.append(turned.copy())
+    env.close()
+    nees, stepped, turns = np.array(nees), np.array(stepped), np.array(turns)
+    assert 0.3 < nees[~stepped].mean() < 2.0
+    assert 0.3 < nees[stepped & (turns > 5)].mean() < 2.0  # s, at one decision a second
+    assert nees[stepped & (turns == 0)].mean() > 100.0

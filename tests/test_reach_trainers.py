@@ -13,6 +13,7 @@ torch = pytest.importorskip("torch")
 
 FOLDER = Path(__file__).parents[1] / "examples" / "trainers"
 TRAINERS = [path.stem for path in sorted(FOLDER.glob("ppo_*.py"))]
+DECISIONS = {"ppo_recurrent": 192_000, "ppo_rl_zoo3": 192_000}  # slower learners than the others, which have 96 000
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +32,7 @@ def excitation():
 def test_a_trainer_learns_to_excite_within_the_envelope(name, excitation, monkeypatch):
     monkeypatch.setattr("sys.argv", [name])
     untrained = excitation.scores(excitation.Learned(lambda observations: np.zeros((len(observations), 3))))
-    learned = excitation.scores(importlib.import_module(name).train(96_000, 0))
+    learned = excitation.scores(importlib.import_module(name).train(DECISIONS.get(name, 96_000), 0))
     assert learned["final_error"] < 0.3 * untrained["final_error"]
     assert learned["outside_fraction"] < 0.01
 
