@@ -54,7 +54,7 @@ UPDATES = int(sys.argv[1]) if sys.argv[1:] else 40  # of 3200 decisions, before 
 
 
 def train(algorithm: PPO) -> float:
-    """Mean return of the last episodes, after so many updates."""
+    """Mean return of the last episodes, after `UPDATES` iterations."""
     for _ in range(UPDATES):
         result = algorithm.train()
     return result["env_runners"]["episode_return_mean"]

@@ -46,7 +46,7 @@ class SatelliteRanges(Config):
             are drawn together until it is less.
 
     Raises:
-        ValueError: a range is not valid, or so many wheels are not drawn.
+        ValueError: a range is not valid, or the number of wheels is not one that is drawn.
     """
 
     wheels: tuple[int, int] = (_WHEELS_MIN, _WHEELS_MAX)

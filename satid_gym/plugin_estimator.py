@@ -182,7 +182,7 @@ class PluginFilter:
         belief["coasting"] = plant["gyro_flagged"] or not accepted
         belief["speed"], belief["stuck"] = speed, speed != plant["tachometer"]
         if isinstance(self.estimator, CompiledEKF):
-            for name in ("wheel_input", "alignment", "modes", "attitude"):  # what the rate follows from beside the mean
+            for name in ("wheel_input", "alignment", "modes", "attitude"):  # with the mean, the rate follows from these
                 belief[name] = self.estimator.record[name]
             for name in ("whiteness", "adaptation"):  # what info tells of the filter
                 belief[name] = self.estimator.record[name]

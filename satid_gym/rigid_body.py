@@ -105,7 +105,7 @@ def part_inertia(name: str, value: object) -> np.ndarray:
 
 
 def check_left(name: str, left: np.ndarray, rotor_inertia: np.ndarray) -> None:
-    """Refuse an inertia that leaves nothing physical beside the oscillators.
+    """Refuse an inertia that leaves nothing physical without the oscillators.
 
     Args:
         name: of the satellite.

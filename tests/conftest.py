@@ -22,7 +22,7 @@ hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, d
 hypothesis.settings.load_profile("suite")
 
 _FLYING = r"^(from|import) (agents|baselines|tests\.(qa|golden)|satid_gym\.(policies|control))\b"
-if config.DISABLE_JIT:  # tests of baselines, agents and of the commands beside the tests fly thousands of episodes
+if config.DISABLE_JIT:  # tests of baselines, agents and of the test tools fly thousands of episodes
     collect_ignore = [
         path.name
         for path in Path(__file__).parent.glob("test_*.py")

@@ -187,7 +187,7 @@ def test_wheels_that_rub_move_as_in_basilisk():
 
 
 class Encoder:
-    """Basilisk's encoder for so many wheels: pulses of an angle, and what is left over goes into the next count.
+    """Basilisk's encoder of each wheel: pulses of an angle, and what is left over goes into the next count.
 
     It takes the wheel speed of an instant for that of the whole sample, so it is given the sample's mean.
     """

@@ -1,4 +1,4 @@
-"""Errors of gyro and wheels: how truth draws them, and how the filter estimates them beside the inertia."""
+"""Errors of gyro and wheels: how truth draws them, and how the filter estimates them with the inertia."""
 
 import json
 

@@ -252,7 +252,7 @@ class Recorder(MomentumEKF):
 
 
 def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing():
-    """The episode's readings replayed through belief and task alone, beside a truth of no relation to them."""
+    """The episode's readings replayed through belief and task alone, next to a truth of no relation to them."""
     recorder = Recorder()
     env = SatInertiaIDEnv(inertia="periodic", estimator=recorder, reward={"held_scale": 0.1, "effort_weight": 0.1})
     observation, _ = env.reset(seed=3)
@@ -304,7 +304,7 @@ def test_swapping_the_true_inertia_under_the_same_measurements_changes_nothing()
         kernels.conclude(rows, work)
         np.testing.assert_allclose(rows.observations[0], observations[i + 1], rtol=0, atol=1e-9)
         assert report["reward"] == pytest.approx(rewards[i], abs=1e-9)
-    assert report["relative_error"] > 0.3, "the truth beside it is another"
+    assert report["relative_error"] > 0.3, "the truth next to it is another"
 
 
 # The truth it is scored against

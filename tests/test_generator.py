@@ -155,7 +155,7 @@ def test_momentum_is_that_of_the_body_and_the_wheels_at_the_start(plants, body):
 
 
 def test_an_absolute_change_is_not_scaled(microsat):
-    """A deployment of so many kg m^2 is the same for every body drawn, and no body is drawn that it breaks."""
+    """A deployment given in kg m^2 is the same for every body drawn, and no body is drawn that it breaks."""
     change = np.array([[0.5, 0.1, 0.0], [0.1, 0.4, -0.2], [0.0, -0.2, 0.3]])
     env = SatInertiaIDEnv(microsat, InertiaLaw("step", time=33.3, change=change), WORLD | {"inertia_std": 0.15})
     for seed in range(5):

@@ -1,4 +1,4 @@
-"""Modes of panels and slosh masses: how the filter estimates them beside the inertia."""
+"""Modes of panels and slosh masses: how the filter estimates them with the inertia."""
 
 import numpy as np
 import pytest

@@ -303,7 +303,7 @@ def test_three_wheels_and_four_are_observed_alike():
     settings = {"estimator": {"name": "momentum", "parameters": "full"}, "include_covariance": True}
     envs = [SatInertiaIDEnv(s, observation="body", **settings) for s in (three, four)]
     assert envs[0].layout == envs[1].layout
-    # spinning against each other at 100 rad/s beside 225, -135, -45 and 135 rad/s that give the momentum
+    # spinning against each other at 100 rad/s in addition to 225, -135, -45 and 135 rad/s that give the momentum
     speeds = [np.array([180.0, -90.0, 45.0]), np.array([325.0, -35.0, -145.0, 35.0])]
     commands = [np.array([-0.5, 0.0, 0.2]), np.linalg.pinv(axes) @ [-0.05, 0.0, 0.02] / wheels.max_torque]
     for env, speed, command in zip(envs, speeds, commands, strict=True):

@@ -185,7 +185,7 @@ def test_an_estimator_of_ones_own_steers_as_the_compiled_one():
 
 
 class Steps:
-    """A policy that reverses half of the rate limit about every axis, every so many decisions."""
+    """A policy that reverses half of the rate limit about every axis, every `held` decisions."""
 
     name, kind = "steps", "closed_loop"
 

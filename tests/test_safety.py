@@ -1,4 +1,4 @@
-"""Interface of Safety-Gymnasium: costs of each decision beside its reward, none lost or counted twice by autoreset."""
+"""Interface of Safety-Gymnasium: costs of each decision next to its reward, none lost or counted twice by autoreset."""
 
 import gymnasium
 import numpy as np

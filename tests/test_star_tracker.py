@@ -1,4 +1,4 @@
-"""Star tracker: what truth reads, when it is blind, and how the filter estimates the attitude beside the inertia."""
+"""Star tracker: what truth reads, when it is blind, and how the filter estimates the attitude with the inertia."""
 
 import numpy as np
 import pytest

@@ -85,7 +85,7 @@ def actions(count, size=3):
 
 
 def flown(count=40, seed=SEED, **settings):
-    """Observations and infos of so many decisions."""
+    """Observations and infos of `count` decisions."""
     env = SatInertiaIDEnv("microsat", **settings)
     observation, info = env.reset(seed=seed)
     found = [(observation, 0.0, info)]

@@ -232,7 +232,7 @@ def test_what_the_gyro_sees_of_an_unmeasured_wheel_is_the_wheels_doing():
 
 @pytest.mark.parametrize(("outage", "lost"), [(10, False), (11, True)])
 def test_momentum_is_reinitialised_after_more_than_ten_samples_without_gyro_and_a_tachometer(outage, lost):
-    """Anew, M has the variance of the one reading; else the bound on what the wheel may have done leaves it less."""
+    """Then M has the variance of the one reading; else the bound on what the wheel may have done leaves it less."""
     filter = resting()
     read(filter, 0.0, 1e-9, 0.0)
     speed = np.array([1e-9, 1e-9, 5e-9])

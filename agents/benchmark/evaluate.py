@@ -26,7 +26,7 @@ class Evaluation:
     policy: tyro.conf.Positional[str]
     """A shipped policy's name, the path of a policy's files or of a run's folder, or NAME=PATH."""
     beside: tuple[str, ...] = ("rate_square",)
-    """Baselines to fly beside it."""
+    """Baselines to fly next to it."""
     scenario: ScenarioText = "default"
     """The world: a name, a .json or .toml file, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
@@ -41,7 +41,7 @@ class Evaluation:
 
     @property
     def comparison(self) -> Comparison:
-        """The flights of the policy and those beside it."""
+        """The flights of the policy and those next to it."""
         return Comparison(
             scenario=self.scenario,
             satellites=self.satellites,

@@ -28,7 +28,7 @@ TRUTH = (
     "saturated",
     "torque_applied",
 )
-"""Keys of `info` that are recorded beside the costs."""
+"""Keys of `info` that are recorded in addition to the costs."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

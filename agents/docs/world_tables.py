@@ -52,7 +52,7 @@ def gates() -> str:
 
 
 def planners() -> str:
-    """`filter_mpc` beside the closed loop of each scenario, from the committed flights."""
+    """`filter_mpc` next to the closed loop of each scenario, from the committed flights."""
     return "\n\n".join(
         gate_table(_committed(f"planner_{name}", f"gate --scenario {name}", "rows"))
         for name in ("flex", "slosh", "calibration")
@@ -75,7 +75,7 @@ def four_wheels() -> str:
 
 
 def basilisk() -> str:
-    """Basilisk's truth beside the environment's own, from the committed study."""
+    """Basilisk's truth next to the environment's own, from the committed study."""
     return basilisk_table(_committed("basilisk", "basilisk", "cells", folder="studies"))
 
 

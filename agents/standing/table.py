@@ -2,7 +2,7 @@
 
 All fly by body rates. Baselines have the settings that `python -m baselines.scenarios.tune` found for the satellite in
 the scenario, on tuning seeds; learned policies fly as they are wherever their observation fits. What is compared is the
-error that the filter expects, its mean over the flight, beside the error at the end, every cost and the NEES.
+error that the filter expects, its mean over the flight, next to the error at the end, every cost and the NEES.
 
 Each flight is kept in a file of its own: stopped, the same command goes on, and a second run flies only what is new.
 Prints the ladder of each scenario and writes standing.json and the page standing.html.
@@ -51,7 +51,7 @@ class Table:
     inertias: tuple[str, ...] = INERTIA_MODES
     """Inertia modes to fly."""
     policies: tuple[str, ...] = ()
-    """Learned policies to fly, beside those that come with the project: paths of a policy's files or of a run, or
+    """More learned policies to fly than those of the project: paths of a policy's files or of a run, or
     NAME=PATH."""
     planners: bool = True
     """Fly the planners, which take most of the time."""

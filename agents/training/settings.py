@@ -206,7 +206,7 @@ class RLSettings(Task):
         if self.switches and (self.control != "rate" or self.algorithm != "ppo"):
             raise ValueError("switches are of rates that PPO commands: train with --control rate and PPO")
         if self.reversals and not (self.switches and self.tracked):
-            raise ValueError("reversals are switches beside the command that is observed: add --switches --tracked")
+            raise ValueError("reversals need the command in the observation: add --switches --tracked")
         if self.repeat > 1 and not self.switches:
             raise ValueError("commands are repeated where they are switches: add --switches, or leave repeat at 1")
         for name in ("repeat", "steps", "num_envs", "batch_size", "evaluate_every"):

@@ -121,7 +121,7 @@ def _teach(
     """Episodes of one inertia mode, of which the teacher is told."""
     world: dict[str, Any] = {"satellite": satellite, "inertia": mode, "scenario": settings.scenario, "num_threads": 1}
     env = SatInertiaIDVectorEnv(len(chosen), **world, **settings.observed)
-    # a planner needs the speed of each wheel: where the network does not see it, the same flight beside
+    # a planner needs the speed of each wheel: where the network does not see it, fly the same in parallel
     beside = SatInertiaIDVectorEnv(len(chosen), **world, control="rate") if settings.tracked else None
     (mission,) = missions((beside or env).problem)
     loop = rate_loop([mission], settings.margin)

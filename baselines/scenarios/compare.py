@@ -54,7 +54,7 @@ class Comparison:
     inertias: tuple[str, ...] = INERTIA_MODES
     """Inertia modes to fly."""
     rivals: tuple[str, ...] = (WAVEFORM, "swing_and_stop", "mpc")
-    """What flies beside it: `waveform`, or policies of the gate by name."""
+    """What flies next to it: `waveform`, or policies of the gate by name."""
     cost: float = 0.01
     """Largest cost of each kind, as a share of the time."""
     tuned: int = 8

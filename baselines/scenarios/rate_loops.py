@@ -2,7 +2,7 @@
 
 Flies `rate_square` through both loops, the deadbeat law that a policy runs once a decision (control "torque") and the
 tracking loop of the environment (control "rate"), and prints the share of the time outside the envelope, the final
-error and the mean deflection beside each other.
+error and the mean deflection side by side.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Flights on Basilisk's truth beside the environment's own: `python -m baselines.studies.basilisk`.
+"""Flights on Basilisk's truth next to the environment's own: `python -m baselines.studies.basilisk`.
 
 Flies shipped policies and baselines on both truths, in the same episodes with the same noise, and prints final error,
 NEES and share of the time outside the rate limits of each. Cells that were flown are kept in the output file: stopped,
@@ -37,7 +37,7 @@ _RATES = ("shaped_square",)  # policies that command body rates
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """World that both truths have, and what Basilisk has beside it.
+    """World that both truths have, and what Basilisk has in addition.
 
     Attributes:
         world: of the environment; of its satellites the microsat flies.

@@ -81,7 +81,7 @@ gymnasium.register("Excitation-v0", lambda: SingleExcitation(gymnasium.make("Sat
 
 
 def updates(steps: int) -> int:
-    """Number of rollouts in so many decisions."""
+    """Number of rollouts in `steps` decisions."""
     return max(1, steps // (ENVS * ROLLOUT))
 
 

@@ -28,7 +28,7 @@ LOG_STD = (-1.5, -2.5)  # of exploration, first and last: it ends as nearly the 
 
 
 def train(steps, seed, limits=LIMITS, constrained=True):
-    """The actor after so many decisions, and a row (decisions, costs, multipliers) for each update."""
+    """The actor after `steps` decisions, and a row (decisions, costs, multipliers) for each update."""
     torch.manual_seed(seed)
     vector = SatInertiaIDVectorEnv(task.ENVS, reward=UNPUNISHED, autoreset_mode="SameStep", stagger=True, **WORLD)
     env = SafetyVectorEnv(vector, limits)

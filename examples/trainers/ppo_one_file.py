@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     torch.manual_seed(seed)
     # the observation after an episode's last decision is the first of the next episode
     env = Excitation(AutoresetMode.SAME_STEP, seed)

@@ -29,7 +29,7 @@ class Recurrent(Learned):
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     env = RateCommandVecEnv(
         task.ENVS, margin=2.6, stagger=True, **task.TASK
     )  # a margin of 2.6 is 97 to 98 % of the limit

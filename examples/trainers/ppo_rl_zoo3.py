@@ -13,7 +13,7 @@ from stable_baselines3 import PPO
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     with tempfile.TemporaryDirectory() as folder:
         words = f"--algo ppo --env Excitation-v0 --gym-packages excitation --n-timesteps {steps} --seed {seed}"
         words += f" --eval-freq -1 --device cpu --verbose 0 --log-folder {folder}"

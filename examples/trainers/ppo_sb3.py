@@ -1,4 +1,4 @@
-"""PPO of Stable-Baselines3, beside which the other libraries' are put.
+"""PPO of Stable-Baselines3, next to which the other libraries' are put.
 
 PYTHONPATH=. python examples/trainers/ppo_sb3.py
 """
@@ -12,7 +12,7 @@ from satid_gym.sb3 import RateCommandVecEnv
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     env = RateCommandVecEnv(
         task.ENVS, margin=2.6, stagger=True, **task.TASK
     )  # a margin of 2.6 is 97 to 98 % of the limit

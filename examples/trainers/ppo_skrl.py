@@ -42,7 +42,7 @@ class Value(DeterministicMixin, Model):
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     set_seed(seed)
     vector = Excitation(AutoresetMode.SAME_STEP, seed)
     env = wrap_env(vector)

@@ -84,7 +84,7 @@ def normal(parameters):
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     torch.manual_seed(seed)
     np.random.seed(seed)  # noqa: NPY002  # Tianshou shuffles with NumPy's global generator
     vector = Excitation(AutoresetMode.DISABLED, seed)

@@ -16,7 +16,7 @@ from torchrl.objectives.value import GAE
 
 
 def train(steps, seed):
-    """The policy after so many decisions."""
+    """The policy after `steps` decisions."""
     torch.manual_seed(seed)
     vector = Excitation(AutoresetMode.DISABLED, seed)  # TorchRL resets what has ended; NEXT_STEP is refused
     env = GymWrapper(vector)

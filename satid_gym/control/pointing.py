@@ -117,7 +117,7 @@ class Pointing:
         cut = np.maximum(closing - _EDGE_GAIN * distance, 0.0)
         known = view.sun.any(axis=1)
         led = action - (np.where(known, cut, 0.0) / self.limit)[:, None] * towards
-        # what is cut goes on beside the Sun, as far as the envelope allows
+        # what is cut goes on past the Sun, as far as the envelope allows
         more = np.sign(np.where(beside == 0.0, 1.0, beside)) * np.where(known, cut, 0.0) / self.limit
         led += more[:, None] * along
         return led / np.maximum(np.abs(led / np.maximum(view.most, 1e-9)).max(axis=1, keepdims=True), 1.0)

@@ -21,7 +21,7 @@ class Search(NamedTuple):
 
     Attributes:
         edits: changes that are tried.
-        tail: how many decisions at the error of the last one the loss of a plan counts beside its own.
+        tail: how many decisions at the error of the last one the loss of a plan counts in addition to its own.
         caution: standard deviations, see `mode_doubles`.
     """
 

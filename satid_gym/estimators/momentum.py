@@ -42,7 +42,7 @@ class MomentumEKFSettings(EstimatorSettings):
         log_q_drift: with adaptation, variance that the logarithm of the process noise gains a second.
         disturbance_walk: random walk of the disturbance relative to its std, per sqrt(s); None takes the prior's.
         substeps: midpoint steps between two readings; None: as many as the prior's `nutation` asks for.
-        calibrate: whether it estimates, beside the inertia, the errors of gyro and wheels that the data sheet's
+        calibrate: whether it estimates, in addition to the inertia, the errors of gyro and wheels that the data sheet's
             tolerances allow; see `satid_gym.core.belief.calibration`. Without, it takes both as nominal.
         flexible: whether it estimates the modes that the data sheet's panels and slosh masses give, see
             `satid_gym.core.belief.modes`. Without, it takes the body as rigid.

@@ -108,7 +108,7 @@ class Assignments(Expressions):
             return Value(f"{value.code}.v[{i}]" if kind.is_uniform else f"{value.code}.f{i}", kind.parts[i])
         if isinstance(kind, Array) and kind.shape[0] == len(node.elts):
             return Value(f"{value.within(POSTFIX)}[{i}]", kind.row)
-        raise self.source.refuse(node, "an assignment of so many parts")
+        raise self.source.refuse(node, "an assignment of this number of parts")
 
     def _store_place(self, target: ast.expr, value: Value, depth: int) -> None:
         place = self.value(loaded(target))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -80,7 +81,7 @@ def literal(value: Any) -> Value:
     return Value(number(value), kind, value, UNARY if value < 0 else POSTFIX)
 
 
-class Operators:
+class Operators(ABC):
     """Translator of the operators in one function.
 
     Attributes:
@@ -92,13 +93,13 @@ class Operators:
         self.prelude: list[str] = []
         self._temporaries = 0
 
+    @abstractmethod
     def value(self, node: ast.expr) -> Value:
         """Translate an expression.
 
         Raises:
             TranslationError: it is not part of the subset.
         """
-        raise NotImplementedError
 
     def temporary(self) -> str:
         """A name that no variable has."""

@@ -52,7 +52,7 @@ def png(found: Identification) -> bytes:
 
 
 def _legend(part: SubFigure, **style: Any) -> None:
-    """One legend for all axes of a part, beside them."""
+    """One legend for all axes of a part, next to them."""
     named: dict[str, Any] = {}
     for axes in part.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

@@ -36,7 +36,7 @@ class FilterMPCPolicy:
     Args:
         horizon: decisions ahead.
         edits: changes of the plan that are tried in a decision.
-        tail: decisions that the plan's last error counts for beside its own.
+        tail: decisions that the plan's last error counts for in addition to its own.
         caution: standard deviations of a mode's frequency for which the body must not bend too far.
         amplitude: of the rates, over what the envelope allows.
         step: s from one expected reading to the next. Where the body bends or readings come late, all are taken.

@@ -1,6 +1,6 @@
 """Cost of Ray from one worker to many, in CPU seconds: `python -m tests.qa.cluster_cost`.
 
-A cluster of so many nodes of one core each, on this machine, flies the tasks of a comparison, as `python -m
+A cluster of nodes of one core each, on this machine, flies the tasks of a comparison, as `python -m
 agents.compare --ray` hands them out. CPU seconds of all processes are counted, not wall time: a machine with fewer
 cores than nodes shows them as well. Flights must equal those of this process bit for bit; the exit code is 1 where
 they do not. Needs Ray, and Linux's /proc.
@@ -132,7 +132,7 @@ def fly_here(episodes: int) -> list[Flight]:
 
 
 def measure(count: int, cost: Cost) -> dict[str, float]:
-    """Figures of a cluster of so many workers, compared with this process just before.
+    """Figures of a cluster with this number of workers, compared with this process just before.
 
     Raises:
         RuntimeError: flights differ from those of this process.

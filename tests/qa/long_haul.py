@@ -4,7 +4,7 @@
     python -m tests.qa.long_haul --decisions 100000000 --resume        go on after a stop
 
 Memory must not grow, speed must not fall and nothing may be NaN. Prints figures and writes them as JSON; the state
-is kept beside it from time to time, so that a run can be stopped at any moment.
+is kept next to it from time to time, so that a run can be stopped at any moment.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class LongHaul:
     seed: int = 0
     """Of environments and actions."""
     resume: bool = False
-    """Go on with the run whose state lies beside the output."""
+    """Go on with the run whose state lies next to the output."""
     output: Path = Path("results/long_haul.json")
     """Where figures go."""
 

@@ -38,7 +38,7 @@ _KEYS = {
     "curves": (*_SAME_RUN, "time", "curves", "bounds", "episode"),
 }
 _REMEDY = "run python -m agents.compare again"
-_FIRST_SHOWN = ("mpc", "rate_square")  # beside the learned and the best scripted
+_FIRST_SHOWN = ("mpc", "rate_square")  # next to the learned and the best scripted
 
 
 def write_report(results: Mapping[str, Any], curves: Mapping[str, Any], folder: Path) -> Path:

@@ -1,6 +1,6 @@
 """Checkpoints: one file of plain arrays and their checksum, written atomically, read without unpickling.
 
-The one before is kept beside it, for the day the newest turns out to be damaged.
+The one before is kept next to it, for the day the newest turns out to be damaged.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def reversed_sides(command: np.ndarray, switches: np.ndarray) -> np.ndarray:
 def with_reversals(network: Network, command: slice) -> Network:
     """The network from observation to rates, of one from observation to the logits of reversals.
 
-    Beside its layers, units of tanh carry the side p of each command, which is observed in the place `command`. Of p
+    Next to its layers, units of tanh carry the side p of each command, which is observed in the place `command`. Of p
     and the switch q, both -1 or 1, -p q = tanh(4 (p + q + 1)) - tanh(4 (p + q - 1)) - 1.
 
     Raises:
