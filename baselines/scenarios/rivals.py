@@ -10,6 +10,7 @@ import numpy as np
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.in_the_gaps import InTheGaps
 from satid_gym.evaluation import seeds
+from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
@@ -36,6 +37,7 @@ SHAPES = [
     for dwell in (0.0, 0.5, 1.0)
     for amplitude in (0.7, 1.0)
 ]
+HOLDS = (4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 14.0)  # s, of `corner_tour`
 SETTLES = (1.0, 3.0, 5.0)  # s
 BETWEEN = [
     {"swing": swing, "roll": roll, "settle": settle}
@@ -64,6 +66,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         for a in amplitudes
     ]
     spared: list[Trial] = [({"period": period}, build("spared_square", {"period": period})) for period in SPARED]
+    toured: list[Trial] = [({"hold": hold}, CornerTourPolicy(hold)) for hold in HOLDS]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
     rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
@@ -82,7 +85,11 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         "random": [({}, RandomPolicy())],
         **loud,
         "rate_square": squares,
-        **({"spared_square": spared, "shaped_square": shaped, "filter_mpc": rehearsed} if _has_limit(scenario) else {}),
+        **(
+            {"spared_square": spared, "shaped_square": shaped, "corner_tour": toured, "filter_mpc": rehearsed}
+            if _has_limit(scenario)
+            else {}
+        ),
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
         **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
     }

@@ -11,6 +11,7 @@ from typing import Any
 from satid_gym.config import unknown_name
 from satid_gym.policies import grids
 from satid_gym.policies.clear_square import ClearSquarePolicy
+from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.greedy import GreedyPolicy
 from satid_gym.policies.mpc import MPCPolicy
@@ -82,6 +83,7 @@ BASELINES: dict[str, Baseline] = {
 RATE_BASELINES: dict[str, Baseline] = {
     "shaped_square": Baseline(make=ShapedSquarePolicy, tuned=False),
     "spared_square": Baseline(make=_spared_square, tuned=False),
+    "corner_tour": Baseline(make=CornerTourPolicy, tuned=False),
     "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
     "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False),
     "operator": Baseline(make=OperatorPolicy, tuned=False),

@@ -1,0 +1,198 @@
+"""What is observed of panels and tanks, and how far they will bend under commands of the body rate.
+
+A mode that is excited by an acceleration a of the body swings about eta_0 = -d . a / w^2, a circle of the point
+(eta, deta/dt / w). Rates are foreseen as those of the environment's own loop: a first-order lag, as quick as the
+wheels' torque allows each axis. w is the filter's estimate less some of its standard deviations, for a slower mode
+bends further. Damping, which is small, is left out. `satid_gym.policies.shaped_square` has the units of what is
+observed of a mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from satid_gym.config import check_number
+from satid_gym.core.algebra import dot, load
+from satid_gym.core.jit import inline, kernel, outline
+from satid_gym.core.observation import BOUND, MODE_PARTS, observed_std
+from satid_gym.policy import Mission
+
+_PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
+_TINY = 1e-12  # of a length, so that none is divided by 0
+_AHEAD = 8  # decisions in which rates settle
+_STEPS = 4  # of a decision, in which accelerations are taken to be constant
+
+
+class Modes(NamedTuple):
+    """Belief about the modes of N episodes, and what moves them.
+
+    Attributes:
+        rate: (N, 3) of the body over its limit.
+        most: (N, 3) change of it in a step that the wheels have torque for.
+        swing: (N, modes, 2) deflection, and its rate over w.
+        direction: (N, modes, 3) unit vector of d.
+        bent: (N, modes) eta_0 by change of the rate along d in a step.
+        turn: (N, modes, 2) cosine and sine of w times a step.
+        limit: (N, modes) share of the limit of deflection; infinite where there is none.
+    """
+
+    rate: np.ndarray
+    most: np.ndarray
+    swing: np.ndarray
+    direction: np.ndarray
+    bent: np.ndarray
+    turn: np.ndarray
+    limit: np.ndarray
+
+    def of(self, rows: np.ndarray) -> Modes:
+        """Those of some episodes."""
+        return Modes(*(part[rows] for part in self))
+
+
+class ObservedModes:
+    """Reads the modes of a batch of episodes; for environments whose rate loop is their own.
+
+    Args:
+        missions: the satellites that are flown; all with the same layout and decision period.
+        share: of the limit of deflection that is used, at most 1.
+        caution: standard deviations that a mode's frequency is taken lower than it is estimated.
+
+    Raises:
+        ValueError: a number is out of range, the environment takes torques, or modes are not observed.
+    """
+
+    def __init__(self, missions: Sequence[Mission], share: float, caution: float) -> None:
+        first = missions[0]
+        if first.control != "rate" or first.observation != "body":
+            raise ValueError(
+                "modes are spared where they are observed and the rate loop is the environment's own: make it with "
+                'control="rate" and observation="body"'
+            )
+        places = first.layout["modes"]
+        swinging = next((own.satellite for own in missions if own.satellite.oscillators), None)
+        if swinging is not None and places.start == places.stop:
+            raise ValueError(
+                f"the filter estimates no modes, so those of {swinging.name!r} cannot be spared: give an estimator "
+                'that has them, such as "momentum"'
+            )
+        self._share = check_number("share", share, high=1.0, strict=True)
+        self._caution = check_number("caution", caution)
+        self._layout = first.layout
+        self._lag = 1.0 - np.exp(-first.scenario.tracking_bandwidth * first.scenario.decision_period / _STEPS)
+        self._all_moments = np.stack([np.diag(mission.prior.inertia) for mission in missions])
+        self._moments = self._all_moments[:1]
+        self._sheet = np.zeros((0, 0, 2))  # w T and |d| of the data sheet, (N, modes)
+
+    def assign(self, rows: np.ndarray) -> None:
+        """Say which mission (N,) each episode of the batch flies; without it all fly the first."""
+        self._moments = self._all_moments[rows]
+
+    def state(self) -> np.ndarray:
+        """Data sheets (N, modes, 2) that were noted, for `restore`."""
+        return self._sheet.copy()
+
+    def restore(self, state: np.ndarray) -> None:
+        """Return to a `state`."""
+        self._sheet = state.copy()
+
+    def read(self, observation: np.ndarray) -> Modes:
+        """Modes from observations (N, size); where an episode begins, what is believed is noted as the data sheet."""
+        seen = {name: observation[:, place].astype(float) for name, place in self._layout.items()}
+        modes = seen["modes"].reshape(len(observation), -1, sum(MODE_PARTS.values()))
+        part = {name: modes[:, :, place] for name, place in _PLACES.items()}
+        moments = np.maximum(self._moments * (1.0 + seen["inertia"][:, :3]), 0.0)
+        coupling = modes[:, :, _PLACES["coupling"] : _PLACES["coupling"] + 3] * np.sqrt(moments)[:, None]
+        size = np.linalg.norm(coupling, axis=2)
+        self._note(np.stack([2.0 * np.pi * part["frequency"], size], axis=2), seen["time_left"][:, 0] >= 1.0)
+        turned = 2.0 * np.pi * part["frequency"] * np.exp(-self._caution * observed_std(part["frequency_std"]))
+        turned = np.maximum(turned, _TINY)
+        own, limit = self._sheet[:, :, 0] / turned, part["deflection_limit"]
+        given = np.where((limit > 0.0) & (limit < BOUND), limit, np.inf)  # 0 of a mode that no rotation excites
+        return Modes(
+            seen["rate"],
+            seen["control_authority"] / _STEPS,
+            np.stack([part["deflection"], part["deflection_rate"] * own], axis=2),
+            coupling / np.maximum(size, _TINY)[:, :, None],
+            size / np.maximum(self._sheet[:, :, 1], _TINY) * own / turned * _STEPS,
+            np.stack([np.cos(turned / _STEPS), np.sin(turned / _STEPS)], axis=2),
+            self._share * given,
+        )
+
+    def _note(self, sheet: np.ndarray, begins: np.ndarray) -> None:
+        """Take what is believed of the modes (N, modes, 2) as the data sheet where an episode begins (N,)."""
+        same = self._sheet.shape == sheet.shape
+        self._sheet = np.where(begins[:, None, None], sheet, self._sheet) if same else sheet
+
+    def peaks(self, modes: Modes, choices: np.ndarray) -> np.ndarray:
+        """Largest deflection over its limit, (N, choices), of commands (N, choices, 3) that stay."""
+        peaks = np.empty(choices.shape[:2])
+        peaks_many(modes, np.ascontiguousarray(choices), self._lag, peaks)
+        return peaks
+
+    def peaks_of_turns(self, modes: Modes, choices: np.ndarray) -> np.ndarray:
+        """The same of each command for one decision, after it that of the choices which then bends them least."""
+        peaks = np.empty(choices.shape[:2])
+        peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, peaks)
+        return peaks
+
+
+@inline
+def _approach(rate, command, most, lag):
+    """Change of a rate in a step."""
+    return min(max(lag * (command - rate), -most), most)
+
+
+@outline
+def _steps(modes, i, command, lag, steps, rate, swing):
+    """Move rate (3,) and swing (modes, 2) of episode i on under a command; the largest deflection over its limit."""
+    peak = 0.0
+    for _ in range(steps):
+        x = _approach(rate[0], command[0], modes.most[i, 0], lag)
+        y = _approach(rate[1], command[1], modes.most[i, 1], lag)
+        z = _approach(rate[2], command[2], modes.most[i, 2], lag)
+        rate[0], rate[1], rate[2] = rate[0] + x, rate[1] + y, rate[2] + z
+        for m in range(swing.shape[0]):
+            cosine, sine = modes.turn[i, m]
+            centre = -modes.bent[i, m] * dot((x, y, z), load(modes.direction[i, m]))
+            off, speed = swing[m, 0] - centre, swing[m, 1]
+            swing[m, 0] = centre + off * cosine + speed * sine
+            swing[m, 1] = speed * cosine - off * sine
+            peak = max(peak, abs(swing[m, 0]) / modes.limit[i, m])
+    return peak
+
+
+@outline
+def _peak_if_kept(modes, i, command, lag, rate, swing):
+    """Largest deflection over its limit under a command that stays, ringing afterwards included."""
+    peak = _steps(modes, i, command, lag, _AHEAD * _STEPS, rate, swing)
+    for m in range(swing.shape[0]):
+        peak = max(peak, np.hypot(swing[m, 0], swing[m, 1]) / modes.limit[i, m])
+    return peak
+
+
+@kernel
+def peaks_many(modes, choices, lag, peaks):
+    """See `ObservedModes.peaks`."""
+    rate, swing = np.empty(3), np.empty(modes.swing.shape[1:])
+    for i in range(choices.shape[0]):
+        for c in range(choices.shape[1]):
+            rate[:], swing[:] = modes.rate[i], modes.swing[i]
+            peaks[i, c] = _peak_if_kept(modes, i, choices[i, c], lag, rate, swing)
+
+
+@kernel
+def peaks_of_turns_many(modes, choices, lag, peaks):
+    """See `ObservedModes.peaks_of_turns`."""
+    size = modes.swing.shape[1:]
+    turned, turned_swing, rate, swing = np.empty(3), np.empty(size), np.empty(3), np.empty(size)
+    for i in range(choices.shape[0]):
+        for c in range(choices.shape[1]):
+            turned[:], turned_swing[:] = modes.rate[i], modes.swing[i]
+            first, least = _steps(modes, i, choices[i, c], lag, _STEPS, turned, turned_swing), np.inf
+            for after in range(choices.shape[1]):
+                rate[:], swing[:] = turned, turned_swing
+                least = min(least, _peak_if_kept(modes, i, choices[i, after], lag, rate, swing))
+            peaks[i, c] = max(first, least)
