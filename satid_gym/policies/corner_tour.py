@@ -21,7 +21,7 @@ from satid_gym.policy import Kind, Mission
 
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
-_CLOSED = 1e6  # worth that a corner loses which bends a mode too far
+_CLOSED = 1e6  # what a closed corner loses by its peak: where none is open, the one that bends least is taken
 
 
 class CornerTourPolicy:
@@ -62,9 +62,9 @@ class CornerTourPolicy:
         corners = _CORNERS * self._allowed(observation, np.ones(3))[:, None]
         corners = np.broadcast_to(corners, (len(observation), *_CORNERS.shape))
         peak = self._modes.peaks_of_turns(self._modes.read(observation), corners)
-        reverses = _CORNERS != self._side[:, None]
+        reverses = self._side[:, None] != _CORNERS
         worth = np.where(self._waited >= self.hold, self._waited / self.hold, -1.0)
-        total = (reverses * worth[:, None]).sum(axis=2) - np.where(peak <= 1.0, 0.0, _CLOSED + peak)
+        total = np.where(peak <= 1.0, (reverses * worth[:, None]).sum(axis=2), -_CLOSED * peak)
         episodes, best = np.arange(len(observation)), np.argmax(total, axis=1)
         self._side = _CORNERS[best]
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._duration
