@@ -36,6 +36,7 @@ class Modes(NamedTuple):
         direction: (N, modes, 3) unit vector of d.
         bent: (N, modes) eta_0 by change of the rate along d in a step.
         turn: (N, modes, 2) cosine and sine of w times a step.
+        turned: (N, modes) w times a decision.
         limit: (N, modes) share of the limit of deflection; infinite where there is none.
     """
 
@@ -45,6 +46,7 @@ class Modes(NamedTuple):
     direction: np.ndarray
     bent: np.ndarray
     turn: np.ndarray
+    turned: np.ndarray
     limit: np.ndarray
 
     def of(self, rows: np.ndarray) -> Modes:
@@ -118,6 +120,7 @@ class ObservedModes:
             coupling / np.maximum(size, _TINY)[:, :, None],
             size / np.maximum(self._sheet[:, :, 1], _TINY) * own / turned * _STEPS,
             np.stack([np.cos(turned / _STEPS), np.sin(turned / _STEPS)], axis=2),
+            turned,
             self._share * given,
         )
 
@@ -132,10 +135,10 @@ class ObservedModes:
         peaks_many(modes, np.ascontiguousarray(choices), self._lag, peaks)
         return peaks
 
-    def peaks_of_turns(self, modes: Modes, choices: np.ndarray) -> np.ndarray:
-        """The same of each command for one decision, after it that of the choices which then bends them least."""
+    def peaks_of_turns(self, modes: Modes, choices: np.ndarray, decisions: int = 1) -> np.ndarray:
+        """The same of each command for some decisions, after them that of the choices which then bends them least."""
         peaks = np.empty(choices.shape[:2])
-        peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, peaks)
+        peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, decisions, peaks)
         return peaks
 
 
@@ -184,14 +187,15 @@ def peaks_many(modes, choices, lag, peaks):
 
 
 @kernel
-def peaks_of_turns_many(modes, choices, lag, peaks):
+def peaks_of_turns_many(modes, choices, lag, decisions, peaks):
     """See `ObservedModes.peaks_of_turns`."""
     size = modes.swing.shape[1:]
     turned, turned_swing, rate, swing = np.empty(3), np.empty(size), np.empty(3), np.empty(size)
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
             turned[:], turned_swing[:] = modes.rate[i], modes.swing[i]
-            first, least = _steps(modes, i, choices[i, c], lag, _STEPS, turned, turned_swing), np.inf
+            first = _steps(modes, i, choices[i, c], lag, decisions * _STEPS, turned, turned_swing)
+            least = np.inf
             for after in range(choices.shape[1]):
                 rate[:], swing[:] = turned, turned_swing
                 least = min(least, _peak_if_kept(modes, i, choices[i, after], lag, rate, swing))
