@@ -17,7 +17,8 @@ from safetensors.numpy import save
 
 from agents.training.ppo import PPOSettings
 from agents.training.sb3 import checkpoint
-from satid_gym.policies.learned import FILE_SIZE_MAX, LearnedPolicy, Network
+from satid_gym.policies.learned import FILE_SIZE_MAX, LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.policies.shipped import PRETRAINED, names
 from tests.cases import case
 

@@ -19,7 +19,8 @@ from baselines.scenarios.flights import Cell, flown
 from satid_gym.evaluation import seeds
 from satid_gym.flightcode.policy_source import policy_source
 from satid_gym.policies import find
-from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.policies.shipped import RATE_PRETRAINED
 from satid_gym.policy import observation_settings, only_mission

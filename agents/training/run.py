@@ -21,7 +21,8 @@ from baselines.command.provenance import result_head
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import PART, write_json, write_text
 from satid_gym.metrics import BEYOND_MAX, beyond_envelope
-from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 
 SCORES = ("reward", "final_error", "mean_error", "outside_fraction", "saturated_fraction", "nees")
 _BEYOND_SHARE_MAX = 0.05  # of many satellites

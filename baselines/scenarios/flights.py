@@ -84,7 +84,7 @@ def flown(
         observation, _, terminated, _, info = env.step(policy(observation))
         lived += alive
         error = np.where(alive, unit_free_error(env.fleet), error)
-        now = np.where(alive, _expected(env), np.inf)
+        now = np.where(alive, expected_error(env), np.inf)
         expected += now / steps
         settled = alive & ~_settles(env)
         judged += settled
@@ -103,7 +103,7 @@ def _settles(env: SatInertiaIDVectorEnv) -> np.ndarray:
     return (plants["stepped"] == 1) & (plants["time"] <= plants["law_time"] + SETTLING)
 
 
-def _expected(env: SatInertiaIDVectorEnv) -> np.ndarray:
+def expected_error(env: SatInertiaIDVectorEnv) -> np.ndarray:
     """Geometric mean (N,) of the parameters' std over their scale."""
     beliefs = env.fleet.rows.beliefs
     scale = beliefs["theta_scale"]

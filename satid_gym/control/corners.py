@@ -48,8 +48,9 @@ FEATURES = (
     "drive_deflection",  # rate along d times eta
     "drive_speed",  # times deta/dt
 )
-"""What is known of a corner, in order; w, d, eta and deta/dt are of the mode nearest to its limit, which divides both."""
+"""What is known of a corner, in order; of the mode nearest to its limit, over that limit: eta and deta/dt."""
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+HOLD = 7.0  # s
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SLOWEST = 1e-3  # w T
@@ -71,7 +72,7 @@ class CornerTour:
     """
 
     def __init__(
-        self, missions: Sequence[Mission], margin: float, hold: float, share: float = 0.9, caution: float = 1.0
+        self, missions: Sequence[Mission], margin: float, hold: float = HOLD, share: float = 0.9, caution: float = 1.0
     ) -> None:
         self._hold = check_number("hold", hold, strict=True)
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)

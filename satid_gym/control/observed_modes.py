@@ -149,8 +149,9 @@ def _approach(rate, command, most, lag):
 
 
 @outline
-def _steps(modes, i, command, lag, steps, rate, swing):
-    """Move rate (3,) and swing (modes, 2) of episode i on under a command; the largest deflection over its limit."""
+def _steps(modes, i, command, lag, steps, rate, swing, enough):
+    """Move rate (3,) and swing (modes, 2) of episode i on under a command; the largest deflection over its limit, or
+    the first that is at least `enough`."""
     peak = 0.0
     for _ in range(steps):
         x = _approach(rate[0], command[0], modes.most[i, 0], lag)
@@ -164,13 +165,16 @@ def _steps(modes, i, command, lag, steps, rate, swing):
             swing[m, 0] = centre + off * cosine + speed * sine
             swing[m, 1] = speed * cosine - off * sine
             peak = max(peak, abs(swing[m, 0]) / modes.limit[i, m])
+        if peak >= enough:
+            break
     return peak
 
 
 @outline
-def _peak_if_kept(modes, i, command, lag, rate, swing):
-    """Largest deflection over its limit under a command that stays, ringing afterwards included."""
-    peak = _steps(modes, i, command, lag, _AHEAD * _STEPS, rate, swing)
+def _peak_if_kept(modes, i, command, lag, rate, swing, enough):
+    """Largest deflection over its limit under a command that stays, ringing afterwards included; or the first that is
+    at least `enough`."""
+    peak = _steps(modes, i, command, lag, _AHEAD * _STEPS, rate, swing, enough)
     for m in range(swing.shape[0]):
         peak = max(peak, np.hypot(swing[m, 0], swing[m, 1]) / modes.limit[i, m])
     return peak
@@ -183,7 +187,7 @@ def peaks_many(modes, choices, lag, peaks):
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
             rate[:], swing[:] = modes.rate[i], modes.swing[i]
-            peaks[i, c] = _peak_if_kept(modes, i, choices[i, c], lag, rate, swing)
+            peaks[i, c] = _peak_if_kept(modes, i, choices[i, c], lag, rate, swing, np.inf)
 
 
 @kernel
@@ -194,9 +198,11 @@ def peaks_of_turns_many(modes, choices, lag, decisions, peaks):
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
             turned[:], turned_swing[:] = modes.rate[i], modes.swing[i]
-            first = _steps(modes, i, choices[i, c], lag, decisions * _STEPS, turned, turned_swing)
+            first = _steps(modes, i, choices[i, c], lag, decisions * _STEPS, turned, turned_swing, np.inf)
             least = np.inf
             for after in range(choices.shape[1]):
                 rate[:], swing[:] = turned, turned_swing
-                least = min(least, _peak_if_kept(modes, i, choices[i, after], lag, rate, swing))
+                least = min(least, _peak_if_kept(modes, i, choices[i, after], lag, rate, swing, least))
+                if least <= first:
+                    break
             peaks[i, c] = max(first, least)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.corners import CornerTour, as_waited
+from satid_gym.control.corners import HOLD, CornerTour, as_waited
 from satid_gym.policy import Kind, Mission
 
 
@@ -27,7 +27,7 @@ class CornerTourPolicy:
     kind: Kind = "closed_loop"
     observation = "body"
 
-    def __init__(self, hold: float = 7.0, share: float = 0.9, caution: float = 1.0, margin: float = 3.5) -> None:
+    def __init__(self, hold: float = HOLD, share: float = 0.9, caution: float = 1.0, margin: float = 3.5) -> None:
         self.hold = check_number("hold", hold, strict=True)
         self.share = check_number("share", share, high=1.0, strict=True)
         self.caution = check_number("caution", caution)

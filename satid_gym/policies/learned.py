@@ -8,8 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,11 +17,13 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, check_integer, check_number, unknown_name
+from satid_gym.control.corners import FEATURES, CornerTour
 from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
 from satid_gym.files import read_json, write_bytes, write_text
+from satid_gym.policies.network import Network
 from satid_gym.policies.principal import fitted
 from satid_gym.policy import Kind, Mission
 from satid_gym.problem import CONTROLS
@@ -30,73 +31,11 @@ from satid_gym.problem import CONTROLS
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_OWN = ("name", "control", "margin", "include_covariance", "observation", "include_walk", "repeat", "spares_modes")
+_OWN = (
+    *("name", "control", "margin", "include_covariance", "observation", "include_walk"),
+    *("repeat", "spares_modes", "tours_corners"),
+)
 _HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
-_ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
-
-
-@dataclass(frozen=True, eq=False)
-class Network:
-    """Multilayer perceptron.
-
-    Attributes:
-        weights: (out, in) of each layer.
-        biases: (out,) of each layer.
-        activation: between the layers, "tanh" or "relu".
-        squashed: whether tanh follows the last layer.
-
-    Raises:
-        ValueError: the activation is unknown, or `squashed` is not a bool.
-    """
-
-    weights: tuple[np.ndarray, ...]
-    biases: tuple[np.ndarray, ...]
-    activation: str = "tanh"
-    squashed: bool = False
-
-    def __post_init__(self) -> None:
-        if self.activation not in _ACTIVATIONS:
-            raise unknown_name("activation of a network", self.activation, _ACTIVATIONS)
-        check_flag("squashed of a network", self.squashed)
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Output (N, out) for observations (N, in), in double precision, for the same result on every machine."""
-        x = np.asarray(observation, dtype=np.float64)
-        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            x = _ACTIVATIONS[self.activation](x @ weight.T + bias)
-        output = x @ self.weights[-1].T + self.biases[-1]
-        return np.tanh(output) if self.squashed else output
-
-    def tensors(self) -> dict[str, np.ndarray]:
-        """Tensors of the layers by name."""
-        named = {f"weight.{i}": w for i, w in enumerate(self.weights)}
-        return named | {f"bias.{i}": b for i, b in enumerate(self.biases)}
-
-    @classmethod
-    def from_tensors(
-        cls, tensors: Mapping[str, np.ndarray], activation: str = "tanh", squashed: bool = False
-    ) -> Network:
-        """Network from the tensors that `tensors` gives; the other arguments are attributes.
-
-        Raises:
-            ValueError: a layer is missing, not finite, or its shape does not fit the one before.
-        """
-        count = len(tensors) // 2
-        names = {f"{kind}.{i}" for kind in ("weight", "bias") for i in range(count)}
-        if count == 0 or set(tensors) != names:
-            raise ValueError(f"the network's tensors must be weight.i and bias.i, got {sorted(tensors)}")
-        for name, tensor in tensors.items():
-            if tensor.dtype != np.float32:
-                raise ValueError(f"{name} of the network must be float32, got {tensor.dtype}")
-        weights = tuple(np.asarray(tensors[f"weight.{i}"], np.float32) for i in range(count))
-        biases = tuple(np.asarray(tensors[f"bias.{i}"], np.float32) for i in range(count))
-        for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
-            fits = weight.ndim == 2 and weight.size > 0 and bias.shape == weight.shape[:1]
-            if not fits or (i > 0 and weight.shape[1] != weights[i - 1].shape[0]):
-                raise ValueError(f"layer {i} of the network does not fit: weight {weight.shape}, bias {bias.shape}")
-            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-                raise ValueError(f"layer {i} of the network holds values that are not finite")
-        return cls(weights, biases, activation, squashed)
 
 
 class LearnedPolicy:
@@ -113,10 +52,13 @@ class LearnedPolicy:
         include_walk: whether they include the random walk of the inertia that the filter uses.
         repeat: decisions for which each command of the network is repeated.
         spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
+        tours_corners: whether the network gives the worth of a corner of the rate envelope by what is known of it,
+            `satid_gym.control.corners.FEATURES`; the open corner of most worth is flown.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
-            or a network that commands rates has other than 3 outputs.
+            or a network that commands rates has other than 3 outputs, or one that tours corners other inputs and
+            outputs than it takes.
     """
 
     kind: Kind = "learned"
@@ -133,13 +75,21 @@ class LearnedPolicy:
         include_walk: bool = False,
         repeat: int = 1,
         spares_modes: bool = False,
+        tours_corners: bool = False,
     ) -> None:
         for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
             if given not in known:
                 raise unknown_name(f"{what} of a learned policy", given, known)
         self.observation: Form = observation
         margin = check_number("margin of a learned policy", margin)
-        if control == "rate" and network.weights[-1].shape[0] != 3:
+        self.tours_corners = check_flag("tours_corners of a learned policy", tours_corners)
+        shape = network.weights[0].shape[1], network.weights[-1].shape[0]
+        if tours_corners and (shape != (len(FEATURES), 1) or (control, observation) != ("rate", "body") or repeat != 1):
+            raise ValueError(
+                f"a network that tours corners has {len(FEATURES)} inputs and 1 output, commands rates, observes "
+                f'"body" and decides each time; got {shape}, {control!r}, {observation!r} and repeat {repeat}'
+            )
+        if control == "rate" and not tours_corners and shape[1] != 3:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
         check_name(name)
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
@@ -159,6 +109,11 @@ class LearnedPolicy:
                 f'policy {self.name} observes "{self.observation}", this environment gives "{mission.observation}": '
                 f'give observation="{self.observation}"'
             )
+        self._layout, self._decisions = mission.layout, 0
+        if self.tours_corners:
+            self._tour = CornerTour([mission], self.margin)
+            self._tour.begin(len(seeds))
+            return
         self._network = fitted(self.network, mission.layout)
         size, expected = max(p.stop for p in mission.layout.values()), self._network.weights[0].shape[1]
         if size != expected:
@@ -174,7 +129,6 @@ class LearnedPolicy:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
         loop = ModeLimit if self.spares_modes else rate_loop
         self._loop = loop([mission], self.margin) if self.control == "rate" else None
-        self._layout, self._decisions = mission.layout, 0
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n).
@@ -183,10 +137,16 @@ class LearnedPolicy:
             ValueError: the observation is not finite, or its shape is wrong.
         """
         check_observation(observation, self._layout)
+        if self.tours_corners:
+            return self._tour(observation, self.worth)
         if self._decisions % self.repeat == 0:
             self._command = self._network(observation)
         self._decisions += 1
         return np.clip(self._command, -1.0, 1.0) if self._loop is None else self._loop(observation, self._command)
+
+    def worth(self, features: np.ndarray) -> np.ndarray:
+        """Worth (N, 8) of corners by what is known of them, (N, 8, features); for a policy that tours corners."""
+        return self.network(features)[:, :, 0]
 
     def save(self, path: Path) -> None:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
@@ -225,7 +185,8 @@ class LearnedPolicy:
             raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            later = {"observation": "wheels", "include_walk": False, "repeat": 1, "spares_modes": False}  # likewise
+            later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
+            later |= {"spares_modes": False, "tours_corners": False}
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

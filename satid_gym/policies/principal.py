@@ -16,7 +16,7 @@ from satid_gym.core.observation import MODE_PARTS, layout
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS
 
 if TYPE_CHECKING:
-    from satid_gym.policies.learned import Network
+    from satid_gym.policies.network import Network
 
 _PRINCIPAL, _FULL = PARAMETER_COUNT["principal"], PARAMETER_COUNT["full"]
 

@@ -29,7 +29,8 @@ from satid_gym.estimators.inertia import PRODUCTS
 from satid_gym.files import write_bytes
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import seed_stream
-from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.policies.principal import fitted
 from satid_gym.policies.shipped import find
 from satid_gym.policy import Mission, missions, observation_settings
@@ -46,7 +47,7 @@ def graph(policy: LearnedPolicy, mission: Mission) -> onnx.ModelProto:
     Raises:
         ValueError: it repeats its commands; a graph keeps no count of decisions.
     """
-    if policy.spares_modes:
+    if policy.spares_modes or policy.tours_corners:
         raise ValueError(f"policy {policy.name} spares modes by a law outside its network, which no graph here holds")
     if policy.repeat > 1:
         raise ValueError(

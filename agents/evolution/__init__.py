@@ -1,0 +1,1 @@
+"""Policies found by evolution, without teacher or gradient."""
