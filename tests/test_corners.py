@@ -1,0 +1,172 @@
+"""Tours of the rate envelope's corners: the forecast of bending, the law, the learned worth and its evolution."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from agents.evolution.corners import Evolution, Judge, main
+from baselines.scenarios.flights import Cell, flown
+from satid_gym.control.corners import FEATURES, CornerTour, as_waited
+from satid_gym.control.observed_modes import Modes, ObservedModes
+from satid_gym.evaluation import seeds
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
+from satid_gym.policies.registry import build
+from satid_gym.policies.shipped import find
+from satid_gym.policy import only_mission
+from satid_gym.problem import problem
+from satid_gym.vector import SatInertiaIDVectorEnv
+
+GIVEN = {"satellite": "microsat", "inertia": "static", "scenario": "slosh", "control": "rate", "observation": "body"}
+CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+STEP = 0.25  # s, a quarter of a decision
+
+
+def observed() -> ObservedModes:
+    return ObservedModes([only_mission(problem(**GIVEN))], 0.9, 1.0)
+
+
+def modes(w: float, d: np.ndarray, rate: np.ndarray, eta: float, speed: float, limit: float) -> Modes:
+    """One episode with one mode; w in rad/s, d per rate limit, speed over w."""
+    size = np.linalg.norm(d)
+    return Modes(
+        rate=rate[None],
+        most=np.full((1, 3), 10.0),
+        swing=np.array([[[eta, speed]]]),
+        direction=(d / size)[None, None],
+        bent=np.array([[size / (w * w * STEP)]]),
+        turn=np.array([[[np.cos(w * STEP), np.sin(w * STEP)]]]),
+        turned=np.array([[w]]),
+        limit=np.array([[limit]]),
+    )
+
+
+@pytest.mark.parametrize("w", [0.15, 0.4, 0.6])
+def test_bending_is_foreseen_as_the_oscillator_moves(w):
+    """eta'' = -w^2 eta - d . domega/dt where the rate follows the command as a first-order lag."""
+    rng, d = np.random.default_rng(1), np.array([0.3, -0.6, 0.2])
+    bandwidth = problem(**GIVEN).scenario.tracking_bandwidth
+    for _ in range(5):
+        rate, command = rng.uniform(-1.0, 1.0, 3), rng.choice([-1.0, 1.0], 3)
+
+        def move(t: float, state: np.ndarray, rate=rate, command=command) -> list[float]:
+            turning = bandwidth * (command - rate) * np.exp(-bandwidth * t)
+            return [state[1], -w * w * state[0] - d @ turning]
+
+        solved = solve_ivp(move, (0.0, 300.0), [0.1, 0.02], rtol=1e-9, atol=1e-9, max_step=0.2)
+        found = observed().peaks(modes(w, d, rate, 0.1, 0.02 / w, 2.0), command[None, None])[0, 0]
+        assert found == pytest.approx(np.abs(solved.y[0]).max() / 2.0, rel=0.05)
+
+
+def test_what_can_follow_a_turn_is_all_that_is_asked_of_it():
+    """By complex numbers, one rotation a step: the command for one decision, then each of the others for eight."""
+    own, rng = observed(), np.random.default_rng(2)
+    lag = 1.0 - np.exp(-problem(**GIVEN).scenario.tracking_bandwidth * STEP)
+    given = modes(0.3, np.array([0.2, 0.5, -0.4]), rng.uniform(-1.0, 1.0, 3), 0.3, -0.2, 1.5)
+    turn = np.exp(-1j * 0.3 * STEP)
+
+    def steps(rate: np.ndarray, state: complex, command: np.ndarray, count: int) -> tuple[np.ndarray, complex, float]:
+        peak = 0.0
+        for _ in range(count):
+            change = lag * (command - rate)
+            centre = -given.bent[0, 0] * (given.direction[0, 0] @ change)
+            rate, state = rate + change, centre + (state - centre) * turn
+            peak = max(peak, abs(state.real) / 1.5)
+        return rate, state, peak
+
+    expected = []
+    for corner in CORNERS:
+        rate, state, first = steps(given.rate[0], complex(*given.swing[0, 0]), corner, 4)
+        ends = [steps(rate, state, after, 32) for after in CORNERS]
+        expected.append(max(first, min(max(peak, abs(end) / 1.5) for _, end, peak in ends)))
+    np.testing.assert_allclose(own.peaks_of_turns(given, CORNERS[None])[0], expected, rtol=1e-12)
+
+
+def test_a_satellite_whose_modes_are_not_estimated_is_refused():
+    with pytest.raises(ValueError, match='such as "momentum"'):
+        build("corner_tour", {}).reset(only_mission(problem(**GIVEN, estimator="rate")), [0])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_corner_tour_keeps_the_limit_and_expects_less_than_square_waves(satellite):
+    cell = Cell(scenario="slosh", satellite=satellite, inertia="static")
+    tour, spared = (flown(cell, build(name, {}), seeds("validation", 16)) for name in ("corner_tour", "spared_square"))
+    assert tour.inside(0.01)
+    assert 0.3 < tour.nees.mean() < 2.0
+    assert tour.expected.mean() < 0.9 * spared.expected.mean()
+
+
+def test_where_no_corner_is_open_the_one_that_bends_least_is_taken(monkeypatch):
+    env = SatInertiaIDVectorEnv(4, **GIVEN)
+    tour = CornerTour([only_mission(env.problem)], 3.5)
+    tour.begin(4)
+    observation, _ = env.reset(seed=0)
+    peak = 1.5 + np.random.default_rng(3).permuted(np.tile(np.arange(8.0), (4, 1)), axis=1)
+    monkeypatch.setattr(ObservedModes, "peaks_of_turns", lambda self, modes, choices, decisions=1: peak)
+    np.testing.assert_array_equal(np.sign(tour(observation, as_waited)), CORNERS[np.argmin(peak, axis=1)])
+    env.close()
+
+
+def of_one(name: str, **given) -> LearnedPolicy:
+    """A policy whose worth is one of the features."""
+    weight = np.eye(len(FEATURES), dtype=np.float32)[[FEATURES.index(name)]]
+    network = Network((weight,), (np.zeros(1, np.float32),))
+    return LearnedPolicy("toured", network, "rate", 3.5, **({"observation": "body", "tours_corners": True} | given))
+
+
+def test_a_network_of_the_waits_flies_as_the_baseline_and_goes_through_its_file(tmp_path):
+    of_one("waited").save(tmp_path / "toured")
+    policy = LearnedPolicy.load(tmp_path / "toured")
+    cell = Cell(scenario="slosh", satellite="microsat", inertia="periodic")
+    found, expected = (flown(cell, own, seeds("validation", 3)) for own in (policy, build("corner_tour", {})))
+    np.testing.assert_array_equal(found.expected, expected.expected)
+
+
+def test_a_network_that_does_not_fit_corners_is_refused():
+    with pytest.raises(ValueError, match="27 inputs and 1 output"):
+        of_one("waited", observation="wheels")
+    weight = np.zeros((3, 5), np.float32)
+    with pytest.raises(ValueError, match="27 inputs and 1 output"):
+        LearnedPolicy(
+            "odd", Network((weight,), (np.zeros(3, np.float32),)), "rate", 3.5, observation="body", tours_corners=True
+        )
+
+
+SMALL = Evolution(satellites=("microsat",), generations=3, population=4, episodes=2, validation=1)
+
+
+def test_a_stopped_evolution_goes_on_to_the_same_policy(tmp_path, capsys):
+    whole, halves = (dataclasses.replace(SMALL, output=tmp_path / name) for name in ("whole", "halves"))
+    assert main(whole) == 0
+    assert main(dataclasses.replace(halves, generations=1, workers=1)) == 0
+    assert main(halves) == 0
+    assert capsys.readouterr().out.count("periodic") == 3
+    for name in ("curve.csv", "policy.safetensors"):
+        assert (tmp_path / "halves" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    with pytest.raises(ValueError, match="other settings"):
+        main(dataclasses.replace(halves, episodes=3))
+
+
+def test_what_bends_the_tank_too_far_is_judged_worse():
+    judge = Judge(dataclasses.replace(SMALL, episodes=8))
+    waits, never = np.eye(len(FEATURES))[FEATURES.index("waited")], -np.eye(len(FEATURES))[FEATURES.index("any")]
+    assert judge(waits, 0) < judge(never, 0) - 1.0
+    judge.close()
+    with pytest.raises(ValueError, match="limits no deflection"):
+        Evolution(scenario="default")
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("inertia", ["static", "periodic"])
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_the_shipped_tour_expects_less_than_the_law_it_began_as(satellite, inertia):
+    cell, those = Cell(scenario="slosh", satellite=satellite, inertia=inertia), seeds("validation", 24)
+    learned, law = (flown(cell, policy, those) for policy in (find("tank_tour"), build("corner_tour", {})))
+    assert learned.inside(0.01)
+    assert 0.3 < learned.nees.mean() < 2.0
+    assert learned.expected.mean() < law.expected.mean()
