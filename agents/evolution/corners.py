@@ -35,6 +35,7 @@ from satid_gym.files import check_writable, replacing, write_text
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
+from satid_gym.policies.shipped import RATE_PRETRAINED
 from satid_gym.policy import missions
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
@@ -71,6 +72,8 @@ class Evolution:
     """Threads that fly weights side by side."""
     validation: int = 24
     """Episodes of each cell that judge the result, validation seeds."""
+    ship: bool = False
+    """Save the policy among the shipped ones too."""
     output: Path | None = None
     """Folder of the run. Default: runs/NAME-SEED."""
 
@@ -182,7 +185,8 @@ def main(settings: Evolution) -> int:
             weights = search.mean
     head = result_head("agents.evolution", {**dataclasses.asdict(settings), "output": folder.name})
     policy = settings.policy(weights, training=head, features=list(FEATURES))
-    policy.save(folder / "policy")
+    for path in (folder / "policy", *([RATE_PRETRAINED / settings.name] if settings.ship else [])):
+        policy.save(path)
     for row in validated(policy, settings):
         print("{satellite:9} {inertia:9} expected error {expected:.4%} cost {cost:.2%} NEES {nees:.2f}".format(**row))
     return 0
@@ -204,7 +208,7 @@ def _same(settings: Evolution) -> str:
     """What a run that goes on must have in common with the one that was stopped."""
     own = dataclasses.asdict(settings)
     return json.dumps(
-        {name: own[name] for name in own if name not in ("generations", "output", "workers", "validation")}
+        {name: own[name] for name in own if name not in ("generations", "output", "ship", "workers", "validation")}
     )
 
 

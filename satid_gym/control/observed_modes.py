@@ -1,4 +1,4 @@
-"""What is observed of panels and tanks, and how far they will bend under commands of the body rate.
+"""Panels and tanks as observed, and how far they will bend under commands of the body rate.
 
 A mode that is excited by an acceleration a of the body swings about eta_0 = -d . a / w^2, a circle of the point
 (eta, deta/dt / w). Rates are foreseen as those of the environment's own loop: a first-order lag, as quick as the
