@@ -56,7 +56,7 @@ class Evolution:
     """Scenario with modes whose deflection is limited."""
     satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
     """Satellites that fly, the same policy on all."""
-    generations: int = 100
+    generations: int = 80
     """Generations to evolve for."""
     population: int = 14
     """Sets of weights in a generation."""
