@@ -3,7 +3,7 @@
 Begins as the baseline `corner_tour`, whose worth of a corner is how long the axes that it reverses have waited, and
 changes the weights of all that is known of a corner (`satid_gym.control.corners.FEATURES`) by CMA-ES (Hansen, 2016).
 A generation flies the same tuning episodes, of all three satellites under random inertia laws; what counts is the
-error that the filter expects, in the mean over the flight and geometrically over episodes, and the limit of deflection.
+error that the filter expects, in the mean over the flight and geometrically over episodes, and the costs.
 No teacher, no truth and no gradient: costs and what the filter says are all it sees.
 
 Each generation is kept in `generations.npz` in the run's folder; stopped, the same command goes on.
@@ -53,7 +53,7 @@ class Evolution:
     name: str = "tank_tour"
     """What tables call the policy."""
     scenario: str = "slosh"
-    """Scenario with modes whose deflection is limited."""
+    """Scenario that is flown."""
     satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
     """Satellites that fly, the same policy on all."""
     generations: int = 80
@@ -83,9 +83,6 @@ class Evolution:
         for name in ("generations", "population", "episodes", "workers", "validation"):
             check_integer(name, getattr(self, name))
         check_number("step", self.step, strict=True)
-        appendages = SCENARIOS[self.scenario].appendages
-        if appendages is None or appendages.deflection_limit is None:
-            raise ValueError(f'scenario {self.scenario!r} limits no deflection: give one that does, "slosh" or "flex"')
 
     @property
     def folder(self) -> Path:
