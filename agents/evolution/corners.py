@@ -203,10 +203,8 @@ def validated(policy: LearnedPolicy, settings: Evolution) -> list[dict[str, Any]
 
 def _same(settings: Evolution) -> str:
     """What a run that goes on must have in common with the one that was stopped."""
-    own = dataclasses.asdict(settings)
-    return json.dumps(
-        {name: own[name] for name in own if name not in ("generations", "output", "ship", "workers", "validation")}
-    )
+    free = ("name", "generations", "output", "ship", "workers", "validation")
+    return json.dumps({name: value for name, value in dataclasses.asdict(settings).items() if name not in free})
 
 
 def _kept(settings: Evolution) -> tuple[list[np.ndarray], list[np.ndarray]]:
