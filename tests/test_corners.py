@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from agents.evolution.corners import Evolution, Judge, main
 from baselines.scenarios.flights import Cell, flown
+from baselines.scenarios.tune import tuned_rival
 from satid_gym.control.corners import FEATURES, CornerTour, as_waited
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.evaluation import seeds
@@ -170,3 +171,14 @@ def test_the_shipped_tour_expects_less_than_the_law_it_began_as(satellite, inert
     assert learned.inside(0.01)
     assert 0.3 < learned.nees.mean() < 2.0
     assert learned.expected.mean() < law.expected.mean()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_the_tour_without_a_tank_expects_less_than_square_waves(satellite):
+    cell, those = Cell(scenario="default", satellite=satellite, inertia="static"), seeds("validation", 16)
+    _, square = tuned_rival("default", "microsat", "rate_square")
+    learned, waves = (flown(cell, policy, those) for policy in (find("default_tour"), square))
+    assert learned.inside(0.01)
+    assert 0.3 < learned.nees.mean() < 2.0
+    assert learned.expected.mean() < waves.expected.mean()
