@@ -1,4 +1,4 @@
-"""Tours of the rate envelope's corners: the forecast of bending, the law, the learned worth and its evolution."""
+"""Tours of the rate envelope's corners: the forecast of bending, the law, the learned score and its evolution."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from agents.evolution.corners import Evolution, Judge, main
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
-from satid_gym.control.corners import FEATURES, CornerTour, as_waited
+from satid_gym.control.corners import FEATURES, CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.evaluation import seeds
 from satid_gym.policies.learned import LearnedPolicy
@@ -109,12 +109,12 @@ def test_where_no_corner_is_open_the_one_that_bends_least_is_taken(monkeypatch):
     observation, _ = env.reset(seed=0)
     peak = 1.5 + np.random.default_rng(3).permuted(np.tile(np.arange(8.0), (4, 1)), axis=1)
     monkeypatch.setattr(ObservedModes, "peaks_of_turns", lambda self, modes, choices, decisions=1: peak)
-    np.testing.assert_array_equal(np.sign(tour(observation, as_waited)), CORNERS[np.argmin(peak, axis=1)])
+    np.testing.assert_array_equal(np.sign(tour(observation)), CORNERS[np.argmin(peak, axis=1)])
     env.close()
 
 
 def of_one(name: str, **given) -> LearnedPolicy:
-    """A policy whose worth is one of the features."""
+    """A policy whose score is one of the features."""
     weight = np.eye(len(FEATURES), dtype=np.float32)[[FEATURES.index(name)]]
     network = Network((weight,), (np.zeros(1, np.float32),))
     return LearnedPolicy("toured", network, "rate", 3.5, **({"observation": "body", "tours_corners": True} | given))

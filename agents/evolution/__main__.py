@@ -1,4 +1,4 @@
-"""Command: find the worth of corners by evolution; see `agents.evolution.corners`."""
+"""Command: find the score of corners by evolution; see `agents.evolution.corners`."""
 
 from agents.evolution.corners import main
 from baselines.command import cli

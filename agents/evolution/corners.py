@@ -1,7 +1,8 @@
-"""Evolution of the worth of corners: `python -m agents.evolution`, a quarter of an hour on two cores.
+"""Evolution of the score of corners: `python -m agents.evolution`, about 20 minutes on two cores.
 
-Begins as the baseline `corner_tour`, whose worth of a corner is how long the axes that it reverses have waited, and
-changes the weights of all that is known of a corner (`satid_gym.control.corners.FEATURES`) by CMA-ES (Hansen, 2016).
+Begins as the baseline `corner_tour`, whose score of a corner is how long the axes that it reverses have waited, and
+changes the weights of all its features (`satid_gym.control.corners.FEATURES`) by CMA-ES (Hansen, "The CMA Evolution
+Strategy: A Tutorial", 2016).
 A generation flies the same tuning episodes, of all three satellites under random inertia laws; what counts is the
 error that the filter expects, in the mean over the flight and geometrically over episodes, and the costs.
 No teacher, no truth and no gradient: costs and what the filter says are all it sees.
@@ -33,7 +34,8 @@ from satid_gym.control.corners import FEATURES, CornerTour
 from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, replacing, write_text
 from satid_gym.gym_api import COSTS
-from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.learned import LearnedPolicy, check_name
 from satid_gym.policies.network import Network
 from satid_gym.policies.shipped import RATE_PRETRAINED
 from satid_gym.policy import missions
@@ -41,9 +43,7 @@ from satid_gym.satellite import SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-_LOST = 0.3  # error that counts after an episode that ended early, about that of the prior
 _FREE, _PRICE = 0.002, 5.0  # share of the time beyond a limit that costs nothing; log error by share beyond that
-_EPISODES_MAX = 100_000  # tuning seeds that are flown in turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +80,11 @@ class Evolution:
     def __post_init__(self) -> None:
         check_names("scenario", [self.scenario], SCENARIOS)
         check_names("satellite", self.satellites, SATELLITES)
-        for name in ("generations", "population", "episodes", "workers", "validation"):
+        check_name(self.name)
+        for name in ("generations", "episodes", "workers", "validation"):
             check_integer(name, getattr(self, name))
+        check_integer("population", self.population, low=4)
+        check_integer("seed", self.seed, low=0)
         check_number("step", self.step, strict=True)
 
     @property
@@ -110,7 +113,7 @@ class Judge:
             num_threads=1,
         )
         self._tour = CornerTour(missions(self._env.problem), settings.margin)
-        self._settings, self._seeds = settings, seeds("tuning", _EPISODES_MAX)
+        self._settings = settings
 
     def close(self) -> None:
         """Close the environment."""
@@ -119,18 +122,18 @@ class Judge:
     def __call__(self, weights: np.ndarray, generation: int) -> float:
         """Mean of the log of the expected error, and what being beyond a limit costs; the lower the better."""
         count, env = self._settings.episodes, self._env
-        first = generation * count % (_EPISODES_MAX - count)
-        observation, _ = env.reset(seed=self._seeds[first : first + count])
+        observation, _ = env.reset(seed=seeds("tuning", count, generation * count))
         self._tour.assign(env.satellite_index)
         self._tour.begin(count)
-        worth, steps = self._settings.policy(weights).worth, env.problem.scenario.decisions
+        score, world = self._settings.policy(weights).score, env.problem.scenario
         alive, expected, cost = np.ones(count, bool), np.zeros(count), np.zeros(count)
-        for _ in range(steps):
-            observation, _, terminated, _, info = env.step(self._tour(observation, worth))
-            expected += np.where(alive, expected_error(env), _LOST)
+        for _ in range(world.decisions):
+            observation, _, terminated, _, info = env.step(self._tour(observation, score))
+            expected += np.where(alive, expected_error(env), world.prior_std)  # as little is known as at first
             cost += np.where(alive, np.max([info["costs"][name] for name in COSTS], axis=0), 1.0)
             alive &= ~terminated
-        return float(np.log(expected / steps).mean() + _PRICE * max(0.0, cost.mean() / steps - _FREE))
+        beyond = max(0.0, cost.mean() / world.decisions - _FREE)
+        return float(np.log(expected / world.decisions).mean() + _PRICE * beyond)
 
 
 class Judges:
@@ -178,6 +181,11 @@ def main(settings: Evolution) -> int:
                 score, start = scores[-2:]
                 rows.append({"generation": generation, "mean": score, "start": start, "step": float(search.sigma)})
                 _keep(settings, asked, judged, rows)
+            elif not np.allclose(points, asked[generation], rtol=1e-6, atol=1e-9):
+                raise ValueError(
+                    f"{folder} holds weights that this version of cma would not try: finish it with the version that "
+                    "began it, or give another --output"
+                )
             search.tell(list(asked[generation]), judged[generation].tolist())
             weights = search.mean
     head = result_head("agents.evolution", {**dataclasses.asdict(settings), "output": folder.name})
@@ -193,7 +201,7 @@ def validated(policy: LearnedPolicy, settings: Evolution) -> list[dict[str, Any]
     """Scores on validation seeds, one row a cell."""
     rows = []
     for satellite in settings.satellites:
-        for inertia in ("static", "step", "drift", "periodic"):
+        for inertia in INERTIA_MODES:
             cell = Cell(scenario=settings.scenario, satellite=satellite, inertia=inertia)
             flight = flown(cell, policy, seeds("validation", settings.validation))
             scores = {"expected": flight.expected.mean(), "cost": flight.costs.mean(axis=0).max()}

@@ -4,7 +4,7 @@ At a corner all three body rates are at their limit, where they tell most of the
 decides how far a mode bends: the parts of their changes along its d add up or cancel. And a tank moves so slowly that
 it does not follow a rate which soon turns back. So those corners are open from which, a decision later, some corner
 can be kept for good with every mode inside its limit (`satid_gym.control.observed_modes`): there is then a way to go
-on. Of these the one of most worth is taken, where none is open the one that bends the modes least.
+on. Of these the one with the highest score is taken; where none is open, the one that bends the modes least.
 """
 
 from __future__ import annotations
@@ -48,14 +48,15 @@ FEATURES = (
     "drive_deflection",  # rate along d times eta
     "drive_speed",  # times deta/dt
 )
-"""What is known of a corner, in order; of the mode nearest to its limit, over that limit: eta and deta/dt."""
+"""Features that score a corner, in order. w, d, eta and deta/dt are those of the mode nearest to its limit, eta and
+deta/dt over that limit."""
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 HOLD = 7.0  # s
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SLOWEST = 1e-3  # w T
-Worth = Callable[[np.ndarray], np.ndarray]
-"""Worth (N, 8) of corners by what is known of them, (N, 8, features)."""
+Score = Callable[[np.ndarray], np.ndarray]
+"""Scores (N, 8) of corners by their features (N, 8, features)."""
 
 
 class CornerTour:
@@ -89,18 +90,26 @@ class CornerTour:
         self._side = np.ones((episodes, 3))
         self._waited = np.tile(self._hold * _FIRST_WAITS, (episodes, 1))
 
-    def __call__(self, observation: np.ndarray, worth: Worth) -> np.ndarray:
-        """Action (N, 3) for observations (N, size)."""
+    def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
+        """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
         corners = _CORNERS * self._allowed(observation, np.ones(3))[:, None]
         corners = np.broadcast_to(corners, (len(observation), *_CORNERS.shape))
         modes = self._modes.read(observation)
         peak = self._modes.peaks_of_turns(modes, corners)
         reverses = self._side[:, None] != _CORNERS
-        value = worth(self._features(observation, modes, corners, peak, reverses))
-        episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, value, -_CLOSED * peak), axis=1)
+        if score is None:
+            scores = self._waits(reverses)
+        else:
+            scores = score(self._features(observation, modes, corners, peak, reverses))
+        episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
         self._side = _CORNERS[best]
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._duration
         return corners[episodes, best]
+
+    def _waits(self, reverses: np.ndarray) -> np.ndarray:
+        """Waits (N, 8) over the hold of the axes (N, 8, 3) that reverse, -1 each that has not waited so long."""
+        own = np.where(self._waited >= self._hold, self._waited / self._hold, -1.0)
+        return (reverses * own[:, None]).sum(axis=2)
 
     def _features(
         self, observation: np.ndarray, modes: Modes, corners: np.ndarray, peak: np.ndarray, reverses: np.ndarray
@@ -120,7 +129,7 @@ class CornerTour:
 
         slow = np.tanh(waited / 12.0)
         parts = {
-            "waited": sum_of(np.where(waited >= self._hold, waited / self._hold, -1.0)),
+            "waited": self._waits(reverses),
             "reversals": count,
             "reversals_4s": sum_of(np.tanh(waited / 4.0)),
             "reversals_12s": sum_of(slow),
@@ -162,8 +171,3 @@ def _nearest(modes: Modes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     deflection, speed = over[row, nearest].T[:, :, None]
     frequency = np.log(np.maximum(modes.turned[row, nearest], _SLOWEST))[:, None]
     return modes.direction[row, nearest], deflection, speed, frequency
-
-
-def as_waited(features: np.ndarray) -> np.ndarray:
-    """Worth of corners that reverse the axes which have waited longest."""
-    return features[:, :, FEATURES.index("waited")]

@@ -21,6 +21,7 @@ from satid_gym.core.observation import BOUND, MODE_PARTS, observed_std
 from satid_gym.policy import Mission
 
 _PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
+_READ = ("rate", "control_authority", "inertia", "modes", "time_left")  # parts of the observation
 _TINY = 1e-12  # of a length, so that none is divided by 0
 _AHEAD = 8  # decisions in which rates settle
 _STEPS = 4  # of a decision, in which accelerations are taken to be constant
@@ -102,7 +103,7 @@ class ObservedModes:
 
     def read(self, observation: np.ndarray) -> Modes:
         """Modes from observations (N, size); where an episode begins, what is believed is noted as the data sheet."""
-        seen = {name: observation[:, place].astype(float) for name, place in self._layout.items()}
+        seen = {name: observation[:, self._layout[name]].astype(float) for name in _READ}
         modes = seen["modes"].reshape(len(observation), -1, sum(MODE_PARTS.values()))
         part = {name: modes[:, :, place] for name, place in _PLACES.items()}
         moments = np.maximum(self._moments * (1.0 + seen["inertia"][:, :3]), 0.0)

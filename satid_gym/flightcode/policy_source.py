@@ -123,7 +123,9 @@ def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySour
 
 def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
     if policy.spares_modes or policy.tours_corners:
-        raise ValueError(f"policy {policy.name} spares modes by a law that has no C: give a learned policy without")
+        raise ValueError(
+            f"policy {policy.name} spares modes or tours corners by a law that has no C: give a learned policy without"
+        )
     if policy.repeat > 1:
         raise ValueError(
             f"policy {policy.name} repeats each command for {policy.repeat} decisions, and has no C: give a learned "

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.corners import HOLD, CornerTour, as_waited
+from satid_gym.control.corners import HOLD, CornerTour
 from satid_gym.policy import Kind, Mission
 
 
 class CornerTourPolicy:
-    """Tours the corners of the rate envelope that panels and tanks leave open; for control "rate".
+    """Tours the corners of the rate envelope that tanks leave open; for control "rate".
+
+    The default hold is the best for microsat in scenario "slosh" on tuning seeds; another satellite may want another.
+    Panels ring while the rates settle, which the forecast does not follow: `ShapedSquarePolicy` is the law for them.
 
     Args:
         hold: least time between two reversals of an axis, s.
@@ -44,4 +47,4 @@ class CornerTourPolicy:
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3)."""
-        return self._tour(observation, as_waited)
+        return self._tour(observation)

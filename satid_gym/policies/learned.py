@@ -52,8 +52,8 @@ class LearnedPolicy:
         include_walk: whether they include the random walk of the inertia that the filter uses.
         repeat: decisions for which each command of the network is repeated.
         spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
-        tours_corners: whether the network gives the worth of a corner of the rate envelope by what is known of it,
-            `satid_gym.control.corners.FEATURES`; the open corner of most worth is flown.
+        tours_corners: whether the network scores corners of the rate envelope by their features,
+            `satid_gym.control.corners.FEATURES`; the open corner with the highest score is flown.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
@@ -138,14 +138,14 @@ class LearnedPolicy:
         """
         check_observation(observation, self._layout)
         if self.tours_corners:
-            return self._tour(observation, self.worth)
+            return self._tour(observation, self.score)
         if self._decisions % self.repeat == 0:
             self._command = self._network(observation)
         self._decisions += 1
         return np.clip(self._command, -1.0, 1.0) if self._loop is None else self._loop(observation, self._command)
 
-    def worth(self, features: np.ndarray) -> np.ndarray:
-        """Worth (N, 8) of corners by what is known of them, (N, 8, features); for a policy that tours corners."""
+    def score(self, features: np.ndarray) -> np.ndarray:
+        """Scores (N, 8) of corners by their features (N, 8, features); for a policy that tours corners."""
         return self.network(features)[:, :, 0]
 
     def save(self, path: Path) -> None:

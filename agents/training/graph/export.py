@@ -48,7 +48,9 @@ def graph(policy: LearnedPolicy, mission: Mission) -> onnx.ModelProto:
         ValueError: it repeats its commands; a graph keeps no count of decisions.
     """
     if policy.spares_modes or policy.tours_corners:
-        raise ValueError(f"policy {policy.name} spares modes by a law outside its network, which no graph here holds")
+        raise ValueError(
+            f"policy {policy.name} spares modes or tours corners, by a law outside its network, which no graph holds"
+        )
     if policy.repeat > 1:
         raise ValueError(
             f"policy {policy.name} repeats each command for {policy.repeat} decisions, which a graph without memory "
