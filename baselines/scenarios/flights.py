@@ -11,6 +11,7 @@ from satid_gym.fleet import Fleet
 from satid_gym.gym_api import COSTS
 from satid_gym.metrics import SETTLING
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
+from satid_gym.satellite import Satellite
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
@@ -18,10 +19,10 @@ Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """Scenario, satellite and inertia mode, by their names."""
+    """Scenario and inertia mode, by their names, and satellite, by its name or itself."""
 
     scenario: str
-    satellite: str
+    satellite: str | Satellite
     inertia: str
 
 

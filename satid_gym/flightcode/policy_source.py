@@ -122,7 +122,7 @@ def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySour
 
 
 def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
-    if policy.spares_modes or policy.tours_corners:
+    if policy.spares_modes or policy.corner_features:
         raise ValueError(
             f"policy {policy.name} spares modes or tours corners by a law that has no C: give a learned policy without"
         )

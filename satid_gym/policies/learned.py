@@ -17,7 +17,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, check_integer, check_number, unknown_name
-from satid_gym.control.corners import FEATURES, CornerTour
+from satid_gym.control.corner_features import check_features
+from satid_gym.control.corners import CornerTour
 from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
@@ -33,7 +34,7 @@ FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _OWN = (
     *("name", "control", "margin", "include_covariance", "observation", "include_walk"),
-    *("repeat", "spares_modes", "tours_corners"),
+    *("repeat", "spares_modes", "corner_features"),
 )
 _HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 
@@ -52,8 +53,8 @@ class LearnedPolicy:
         include_walk: whether they include the random walk of the inertia that the filter uses.
         repeat: decisions for which each command of the network is repeated.
         spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
-        tours_corners: whether the network scores corners of the rate envelope by their features,
-            `satid_gym.control.corners.FEATURES`; the open corner with the highest score is flown.
+        corner_features: for a network that scores corners of the rate envelope: which features of a corner it takes,
+            `satid_gym.control.corner_features.FEATURES`; the open corner with the highest score is flown.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
@@ -75,21 +76,22 @@ class LearnedPolicy:
         include_walk: bool = False,
         repeat: int = 1,
         spares_modes: bool = False,
-        tours_corners: bool = False,
+        corner_features: Sequence[str] = (),
     ) -> None:
         for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
             if given not in known:
                 raise unknown_name(f"{what} of a learned policy", given, known)
         self.observation: Form = observation
         margin = check_number("margin of a learned policy", margin)
-        self.tours_corners = check_flag("tours_corners of a learned policy", tours_corners)
+        self.corner_features = check_features(corner_features)
         shape = network.weights[0].shape[1], network.weights[-1].shape[0]
-        if tours_corners and (shape != (len(FEATURES), 1) or (control, observation) != ("rate", "body") or repeat != 1):
+        inputs = len(self.corner_features)
+        if inputs and (shape != (inputs, 1) or (control, observation) != ("rate", "body") or repeat != 1):
             raise ValueError(
-                f"a network that tours corners has {len(FEATURES)} inputs and 1 output, commands rates, observes "
-                f'"body" and decides each time; got {shape}, {control!r}, {observation!r} and repeat {repeat}'
+                f"a network that takes {inputs} features of corners has as many inputs and 1 output, commands rates, "
+                f'observes "body" and decides each time; got {shape}, {control!r}, {observation!r} and repeat {repeat}'
             )
-        if control == "rate" and not tours_corners and shape[1] != 3:
+        if control == "rate" and not inputs and shape[1] != 3:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
         check_name(name)
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
@@ -110,8 +112,8 @@ class LearnedPolicy:
                 f'give observation="{self.observation}"'
             )
         self._layout, self._decisions = mission.layout, 0
-        if self.tours_corners:
-            self._tour = CornerTour([mission], self.margin)
+        if self.corner_features:
+            self._tour = CornerTour([mission], self.margin, features=self.corner_features)
             self._tour.begin(len(seeds))
             return
         self._network = fitted(self.network, mission.layout)
@@ -137,7 +139,7 @@ class LearnedPolicy:
             ValueError: the observation is not finite, or its shape is wrong.
         """
         check_observation(observation, self._layout)
-        if self.tours_corners:
+        if self.corner_features:
             return self._tour(observation, self.score)
         if self._decisions % self.repeat == 0:
             self._command = self._network(observation)
@@ -186,7 +188,7 @@ class LearnedPolicy:
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
             later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
-            later |= {"spares_modes": False, "tours_corners": False}
+            later |= {"spares_modes": False, "corner_features": ()}
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

@@ -47,7 +47,7 @@ def graph(policy: LearnedPolicy, mission: Mission) -> onnx.ModelProto:
     Raises:
         ValueError: it repeats its commands; a graph keeps no count of decisions.
     """
-    if policy.spares_modes or policy.tours_corners:
+    if policy.spares_modes or policy.corner_features:
         raise ValueError(
             f"policy {policy.name} spares modes or tours corners, by a law outside its network, which no graph holds"
         )

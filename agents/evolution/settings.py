@@ -1,0 +1,92 @@
+"""Settings of an evolution of the score of corners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from satid_gym.config import check_integer, check_names, check_number
+from satid_gym.control.corner_features import FEATURES, RIGID
+from satid_gym.drawn_satellite import draw_satellites
+from satid_gym.evaluation import Split, seeds
+from satid_gym.policies.learned import LearnedPolicy, check_name
+from satid_gym.policies.network import Network
+from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario_catalogue import SCENARIOS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evolution:
+    """Settings of a run."""
+
+    name: str = "tank_tour"
+    """What tables call the policy."""
+    scenario: str = "slosh"
+    """Scenario that is flown."""
+    satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
+    """Satellites that fly, the same policy on all; or ("drawn",): as many as `drawn` of any kind."""
+    drawn: int = 256
+    """Satellites of `satid_gym.draw_satellites` that "drawn" stands for, drawn with tuning seeds."""
+    drawn_wheels: int = 4
+    """Wheels of each of these."""
+    generations: int = 80
+    """Generations to evolve for."""
+    population: int = 14
+    """Sets of weights in a generation."""
+    episodes: int = 63
+    """Episodes that judge each of them, the same for all of a generation."""
+    step: float = 0.15
+    """First standard deviation of the weights."""
+    margin: float = 3.5
+    """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
+    seed: int = 0
+    """Seed of the evolution."""
+    workers: int = 2
+    """Threads that fly weights side by side."""
+    validation: int = 24
+    """Episodes of each cell that judge the result, validation seeds."""
+    ship: bool = False
+    """Save the policy among the shipped ones too."""
+    output: Path | None = None
+    """Folder of the run. Default: runs/NAME-SEED."""
+
+    def __post_init__(self) -> None:
+        check_names("scenario", [self.scenario], SCENARIOS)
+        if not self.is_drawn:
+            check_names("satellite", self.satellites, SATELLITES)
+        check_name(self.name)
+        for name in ("generations", "episodes", "workers", "validation", "drawn", "drawn_wheels"):
+            check_integer(name, getattr(self, name))
+        check_integer("population", self.population, low=4)
+        check_integer("seed", self.seed, low=0)
+        check_number("step", self.step, strict=True)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the run."""
+        return self.output or Path("runs") / f"{self.name}-{self.seed}"
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the satellites are drawn at random."""
+        return tuple(self.satellites) == ("drawn",)
+
+    def flies(self, split: Split, count: int) -> list[str] | list[Satellite]:
+        """Satellites: by name, or `count` drawn with seeds of a split."""
+        if self.is_drawn:
+            return list(draw_satellites(seeds(split, count), wheels=self.drawn_wheels))
+        return list(self.satellites)
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """What the score takes: without modes, where there are none."""
+        return RIGID if self.scenario == "default" else tuple(FEATURES)
+
+    def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
+        """Policy of some weights (features,)."""
+        network = Network((weights[None].astype(np.float32),), (np.zeros(1, np.float32),))
+        given = {"observation": "body", "corner_features": self.features}
+        return LearnedPolicy(self.name, network, "rate", self.margin, details=details, **given)
