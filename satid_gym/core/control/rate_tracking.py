@@ -12,9 +12,10 @@ late. A change of omega_ref leaves a mode ringing by how steep it is; a scenario
 N projects on the torques that cancel each other; of more than three wheels those that turn against each other
 are brought to share the momentum evenly. Where operators avoid a band of wheel speed, N h - z v takes the place of N h,
 which keeps them out of it (`core.control.null_motion`). Where all that takes more than the motors have, the error is
-reduced axis by axis (`allocation.within_reach`). What the motors are commanded allows for a weak one and for friction,
-as their wheels have shown them (`core.control.motors`); a wheel of three that is lost leaves an axis to the momentum
-(`core.control.lost_axis`).
+reduced axis by axis (`allocation.within_reach`), but first comes what keeps the axes inside the rate limit that have
+reached it: otherwise noise drives them out while others turn. What the motors are commanded allows for a weak one and
+for friction, as their wheels have shown them (`core.control.motors`); a wheel of three that is lost leaves an axis to
+the momentum (`core.control.lost_axis`).
 
 Only belief and readings are used. Source: Wie, Space Vehicle Dynamics and Control (2008), ch. 7, for the law; Preumont,
 Vibration Control of Active Structures (2011), ch. 4, for what delay does to collocated control.
@@ -51,6 +52,7 @@ from satid_gym.core.wheels import sum_wheels
 
 _EVEN_OUT = 20.0  # T_N, s
 _AWAY = 5.0  # T_N where wheels are kept out of a band, s
+_EDGE = 0.97  # of the rate limit: near enough to be used, far enough for noise
 _HEALTHY = 0.6  # gain of each motor without which torques would not cancel each other
 
 
@@ -141,6 +143,28 @@ def _lost_axis(s, weakest):
     return row[0] / length, row[1] / length, row[2] / length
 
 
+@inline
+def _held(omega, edge):
+    """Change of the rate, rad/s, that brings each axis which is beyond an edge back to it."""
+    x, y, z = omega
+    return min(max(x, -edge), edge) - x, min(max(y, -edge), edge) - y, min(max(z, -edge), edge) - z
+
+
+@inline
+def _left(error, held):
+    """What is left of an error beyond what is held; nothing of less, or of what leads out."""
+    if held == 0.0:
+        return error
+    return max(error - held, 0.0) if held > 0.0 else min(error - held, 0.0)
+
+
+@inline
+def _add(s, push, torque):
+    """Add the wheels' parts of a torque on the body."""
+    for k in range(torque.shape[0]):
+        torque[k] += allocate(s.sharing, push, k)
+
+
 @outline
 def track(task, belief, gyro, tachometer, dt, torque):
     """Write to `torque` (n,), N m, what the motors are to give until the next readings; dt seconds after the last."""
@@ -165,9 +189,16 @@ def track(task, belief, gyro, tachometer, dt, torque):
     for k in range(n):
         torque[k] = allocate(s.sharing, drift, k)
     error = subtract(wanted, omega)
-    push = multiply(scaled, within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0]))
+    reached = within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0])
+    if subtract(reached, error) != (0.0, 0.0, 0.0):  # then what keeps each axis inside goes before what turns it
+        held = _held(omega, _EDGE * task.rate_limit)
+        held = within_reach(held, scaled, s.sharing, torque, s.reach, s.scratch[0])
+        _add(s, multiply(scaled, held), torque)
+        rest = (_left(error[0], held[0]), _left(error[1], held[1]), _left(error[2], held[2]))
+        reached = within_reach(rest, scaled, s.sharing, torque, s.reach, s.scratch[0])
+    _add(s, multiply(scaled, reached), torque)
     for k in range(n):
-        torque[k] = min(max(torque[k] + allocate(s.sharing, push, k), -s.reach[k]), s.reach[k])
+        torque[k] = min(max(torque[k], -s.reach[k]), s.reach[k])
     if n > 3 and s.motors.gain[weakest] > _HEALTHY:
         _even_out(s, axes, momentum, torque)
     motors.command(task, torque)
