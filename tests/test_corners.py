@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from agents.evolution.corners import Evolution, Judge, main
+from agents.evolution.corners import main
+from agents.evolution.judge import Judge, relative_error
+from agents.evolution.settings import Evolution
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
-from satid_gym.control.corners import FEATURES, CornerTour
+from satid_gym.control.corner_features import FEATURES
+from satid_gym.control.corners import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
+from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.evaluation import seeds
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
@@ -113,29 +117,33 @@ def test_where_no_corner_is_open_the_one_that_bends_least_is_taken(monkeypatch):
     env.close()
 
 
-def of_one(name: str, **given) -> LearnedPolicy:
-    """A policy whose score is one of the features."""
-    weight = np.eye(len(FEATURES), dtype=np.float32)[[FEATURES.index(name)]]
-    network = Network((weight,), (np.zeros(1, np.float32),))
-    return LearnedPolicy("toured", network, "rate", 3.5, **({"observation": "body", "tours_corners": True} | given))
+def scored(*features: str, **given) -> LearnedPolicy:
+    """A policy whose score is the sum of some features."""
+    network = Network((np.ones((1, len(features)), np.float32),), (np.zeros(1, np.float32),))
+    return LearnedPolicy(
+        "toured", network, "rate", 3.5, **({"observation": "body", "corner_features": features} | given)
+    )
 
 
 def test_a_network_of_the_waits_flies_as_the_baseline_and_goes_through_its_file(tmp_path):
-    of_one("waited").save(tmp_path / "toured")
+    scored("waited").save(tmp_path / "toured")
     policy = LearnedPolicy.load(tmp_path / "toured")
+    assert policy.corner_features == ("waited",)
     cell = Cell(scenario="slosh", satellite="microsat", inertia="periodic")
     found, expected = (flown(cell, own, seeds("validation", 3)) for own in (policy, build("corner_tour", {})))
     np.testing.assert_array_equal(found.expected, expected.expected)
 
 
 def test_a_network_that_does_not_fit_corners_is_refused():
-    with pytest.raises(ValueError, match="27 inputs and 1 output"):
-        of_one("waited", observation="wheels")
-    weight = np.zeros((3, 5), np.float32)
-    with pytest.raises(ValueError, match="27 inputs and 1 output"):
-        LearnedPolicy(
-            "odd", Network((weight,), (np.zeros(3, np.float32),)), "rate", 3.5, observation="body", tours_corners=True
-        )
+    with pytest.raises(ValueError, match="1 features of corners"):
+        scored("waited", observation="wheels")
+    network = Network((np.zeros((3, 5), np.float32),), (np.zeros(3, np.float32),))
+    with pytest.raises(ValueError, match="2 features of corners"):
+        LearnedPolicy("odd", network, "rate", 3.5, observation="body", corner_features=("waited", "gain"))
+    with pytest.raises(ValueError, match="at most once"):
+        scored("waited", "waited")
+    with pytest.raises(ValueError, match="wated"):
+        scored("wated")
 
 
 SMALL = Evolution(satellites=("microsat",), generations=3, population=4, episodes=2, validation=1)
@@ -155,11 +163,32 @@ def test_a_stopped_evolution_goes_on_to_the_same_policy(tmp_path, capsys):
 
 def test_what_bends_the_tank_too_far_is_judged_worse():
     judge = Judge(dataclasses.replace(SMALL, episodes=8))
-    waits, never = np.eye(len(FEATURES))[FEATURES.index("waited")], -np.eye(len(FEATURES))[FEATURES.index("any")]
-    assert judge(waits, 0) < judge(never, 0) - 1.0
+    waits, never = (
+        np.array([sign * (name == own) for name in FEATURES]) for own, sign in (("waited", 1.0), ("any", -1.0))
+    )
+    assert judge(waits, 0) < judge(-never, 0) - 1.0
     judge.close()
     with pytest.raises(ValueError, match="scenario"):
         Evolution(scenario="slush")
+
+
+def test_drawn_satellites_are_judged_by_the_error_of_the_tensor(tmp_path, capsys):
+    """What the filter expects of it, against tensors drawn from the filter's belief."""
+    small = Evolution(name="any", scenario="default", satellites=("drawn",), drawn=3, generations=1, population=4)
+    small = dataclasses.replace(small, episodes=3, validation=1, output=tmp_path)
+    assert main(small) == 0
+    assert capsys.readouterr().out.count("drawn_2") == 32
+    env = SatInertiaIDVectorEnv(2, small.flies("tuning", 2), "static", control="rate", observation="body")
+    env.reset(seed=0)
+    for side in (1.0, -1.0, 1.0):
+        env.step(side * np.array([[0.5, 0.3, -0.6], [0.4, -0.5, 0.2]]))
+    rng = np.random.default_rng(8)
+    for belief, found in zip(env.fleet.rows.beliefs, relative_error(env), strict=True):
+        mean = belief["mean"][3:9]
+        errors = inertia_tensors(rng.multivariate_normal(np.zeros(6), belief["covariance"][3:9, 3:9], 20_000))
+        size = np.linalg.norm(inertia_tensors(mean))
+        np.testing.assert_allclose(found, np.sqrt(np.mean(np.linalg.norm(errors, axis=(1, 2)) ** 2)) / size, rtol=0.03)
+    env.close()
 
 
 @pytest.mark.compiled

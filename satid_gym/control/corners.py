@@ -15,7 +15,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.corner_features import FEATURES, HOLD, Choice, Craft
+from satid_gym.control.corner_choice import HOLD, Choice, Craft
+from satid_gym.control.corner_features import FEATURES
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.policy import Mission

@@ -103,7 +103,7 @@ class Belief(NamedTuple):
         part = {name: observation[:, place].astype(float) for name, place in layout.items()}
         omega = part["rate"] * constants.rate_limit
         wheel_momentum = part["wheel_speed"] * constants.max_spin
-        inertia = _inertia(part["inertia"], constants.prior)
+        inertia = observed_inertia(part["inertia"], constants.prior)
         return cls(
             omega=omega,
             wheel_momentum=wheel_momentum,
@@ -147,7 +147,7 @@ def times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return (matrices @ vectors[..., None])[..., 0]
 
 
-def _inertia(change: np.ndarray, prior: np.ndarray) -> np.ndarray:
+def observed_inertia(change: np.ndarray, prior: np.ndarray) -> np.ndarray:
     """Tensors (N, 3, 3) from changes (N, p) of the parameters, relative to the scales of the observation."""
     inertia = np.zeros((len(change), 3, 3))
     for i in range(3):

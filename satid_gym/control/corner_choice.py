@@ -1,0 +1,244 @@
+"""What is known when a corner of the rate envelope is chosen: of the turns there, the modes and the wheels.
+
+What a turn to a corner tells of the inertia is weighed by the uncertainties that are observed, as if they were not
+correlated. The change v of the rate is measured about each axis i, in units of the rate limit, with variance R, and
+depends on the parameter theta_ij by v_j sqrt(J_jj / J_ii), in units of its scale:
+
+    gain = 1/6 sum_i ln(1 + s_i / R)
+    s_i = sum_j v_j^2 (J_jj / J_ii) std(theta_ij)^2
+    R = T_s sigma^2 (1 / t + 1 / 7 s)
+
+in nats an axis, with sigma the noise of the gyro's samples, T_s apart, averaged over the t seconds since the last
+reversal and some seconds after this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from satid_gym.control.decoded_observation import observed_inertia, times
+from satid_gym.control.observed_modes import Modes, ObservedModes
+from satid_gym.core.observation import observed_std
+from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
+from satid_gym.policy import Mission
+
+HOLD = 7.0  # s
+_SLOWEST = 1e-3  # w T
+_EARLY = 10.0  # s
+_LATE = 30.0  # s
+
+
+class Craft(NamedTuple):
+    """What the data sheets of N satellites say that observations leave out.
+
+    Attributes:
+        inertia: (N, 3, 3) of the prior, kg m^2.
+        momentum: (N, 3) that all wheels together have along each body axis, N m s.
+        rate_limit: (N,) rad/s.
+        noise: (N,) variance of the mean of a second of gyro samples, over the rate limit squared.
+    """
+
+    inertia: np.ndarray
+    momentum: np.ndarray
+    rate_limit: np.ndarray
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, missions: Sequence[Mission]) -> Craft:
+        """Those of missions."""
+        rows = []
+        for mission in missions:
+            satellite, wheels = mission.satellite, mission.satellite.wheels
+            noise = mission.scenario.sample_period * (satellite.gyro_noise_std / satellite.rate_limit) ** 2
+            stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)
+            rows.append((mission.prior.inertia, stored, satellite.rate_limit, noise))
+        return cls(*(np.array(part) for part in zip(*rows, strict=True)))
+
+    def take(self, rows: np.ndarray) -> Craft:
+        """Those of some rows."""
+        return Craft(*(part[rows] for part in self))
+
+
+class NearestMode(NamedTuple):
+    """Mode nearest to its limit, of N episodes; zeros where there is none.
+
+    Attributes:
+        direction: (N, 3) unit vector of d.
+        deflection, speed: (N, 1) eta and deta/dt / w, over the limit.
+        frequency: (N, 1) ln(w T).
+    """
+
+    direction: np.ndarray
+    deflection: np.ndarray
+    speed: np.ndarray
+    frequency: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choice:
+    """What is known of N episodes when a corner is chosen.
+
+    Attributes:
+        seen: parts of the observation by name, (N, size).
+        craft: the satellites.
+        corners: (N, 8, 3) rates over the limit.
+        reverses: (N, 8, 3) whether a corner reverses an axis.
+        waited: (N, 3) time since each axis reversed, s.
+        own: (N, 8) score of the law by waits.
+        modes: of panels and tanks.
+        foreseen: forecasts these.
+        peak: (N, 8) of them after one decision at a corner and then the best.
+        period: of decisions, s.
+        decisions: of the episode.
+    """
+
+    seen: dict[str, np.ndarray]
+    craft: Craft
+    corners: np.ndarray
+    reverses: np.ndarray
+    waited: np.ndarray
+    own: np.ndarray
+    modes: Modes
+    foreseen: ObservedModes
+    peak: np.ndarray
+    period: float
+    decisions: int
+
+    def sum_of(self, each: np.ndarray) -> np.ndarray:
+        """(N, 8) sum of a value (N, 3) of each axis over those that a corner reverses."""
+        return (self.reverses * each[:, None]).sum(axis=2)
+
+    @cached_property
+    def count(self) -> np.ndarray:
+        """(N, 8) axes that a corner reverses."""
+        return self.reverses.sum(axis=2).astype(float)
+
+    @cached_property
+    def some(self) -> np.ndarray:
+        """(N, 8) whether there are any."""
+        return (self.count > 0.0).astype(float)
+
+    @cached_property
+    def slow(self) -> np.ndarray:
+        """(N, 3) waits, flat beyond some 12 s."""
+        return np.tanh(self.waited / 12.0)
+
+    @cached_property
+    def uncertainty(self) -> np.ndarray:
+        """(N, 1) mean of the moments' observed uncertainties."""
+        return self.seen["uncertainty"][:, :3].mean(axis=1)[:, None]
+
+    @cached_property
+    def unknown(self) -> np.ndarray:
+        """(N, 3) each moment's, less that mean."""
+        return self.seen["uncertainty"][:, :3] - self.uncertainty
+
+    @cached_property
+    def gone(self) -> np.ndarray:
+        """(N, 1) share of the flight that is over."""
+        return 1.0 - self.seen["time_left"]
+
+    @cached_property
+    def early(self) -> np.ndarray:
+        """(N, 1) from 1, where the episode begins, to 0."""
+        return np.exp(-self.gone * self.decisions * self.period / _EARLY)
+
+    @cached_property
+    def late(self) -> np.ndarray:
+        """(N, 1) 1, and in the last half minute to 0."""
+        return np.minimum(self.seen["time_left"] * self.decisions * self.period / _LATE, 1.0)
+
+    @cached_property
+    def slew(self) -> np.ndarray:
+        """(N, 1) log of the time, s, that it takes to reverse an axis, mean of the three."""
+        return np.log(2.0 * self.period / self.seen["control_authority"]).mean(axis=1)[:, None]
+
+    @cached_property
+    def turn(self) -> np.ndarray:
+        """(N, 8, 3) change of the rate to a corner, over the limit."""
+        return self.corners - self.seen["rate"][:, None]
+
+    @cached_property
+    def mode(self) -> NearestMode:
+        """The mode that is nearest to its limit."""
+        modes = self.modes
+        if modes.limit.shape[1] == 0:
+            none = np.zeros((len(modes.limit), 1))
+            return NearestMode(np.zeros((len(none), 3)), none, none, none)
+        over = modes.swing / modes.limit[:, :, None]
+        row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
+        deflection, speed = over[row, nearest].T[:, :, None]
+        frequency = np.log(np.maximum(modes.turned[row, nearest], _SLOWEST))[:, None]
+        return NearestMode(modes.direction[row, nearest], deflection, speed, frequency)
+
+    @cached_property
+    def drive(self) -> np.ndarray:
+        """(N, 8) rate along its d."""
+        return (self.corners @ self.mode.direction[:, :, None])[:, :, 0]
+
+    @cached_property
+    def kept(self) -> np.ndarray:
+        """(N, 8) peak if the corner is kept, at most 3."""
+        return np.minimum(self.foreseen.peaks(self.modes, self.corners), 3.0)
+
+    @cached_property
+    def later(self) -> np.ndarray:
+        """(N, 8) peak after three decisions at the corner and then the best, at most 2."""
+        return np.minimum(self.foreseen.peaks_of_turns(self.modes, self.corners, 3), 2.0)
+
+    @cached_property
+    def _variance(self) -> np.ndarray:
+        """(N, 3, 3) [j, i]: (J_jj / J_ii) std(theta_ij)^2 / R."""
+        variance = observed_std(self.seen["uncertainty"]) ** 2
+        moments = inertia_parameters(self.craft.inertia, "principal")
+        spread = np.zeros((len(variance), 3, 3))
+        for i in range(3):
+            spread[:, i, i] = variance[:, i]
+        for k, (i, j) in enumerate(PRODUCTS[: variance.shape[1] - 3]):
+            spread[:, i, j] = spread[:, j, i] = variance[:, 3 + k]
+        noise = self.craft.noise * (1.0 / self.waited.min(axis=1) + 1.0 / HOLD)
+        return spread * (moments[:, :, None] / moments[:, None]) / noise[:, None, None]
+
+    def gain(self, decisions: float = np.inf) -> np.ndarray:
+        """(N, 8) nats an axis that a turn to a corner tells in some decisions, or when it is complete."""
+        turn = self.turn
+        if np.isfinite(decisions):
+            most = decisions * self.seen["control_authority"][:, None]
+            turn = np.clip(turn, -most, most)
+        return np.log1p(turn**2 @ self._variance).sum(axis=2) / 6.0
+
+    @cached_property
+    def complete_gain(self) -> np.ndarray:
+        """(N, 8) `gain` of a complete turn."""
+        return self.gain()
+
+    @cached_property
+    def _tensor(self) -> np.ndarray:
+        """(N, 3, 3) estimated inertia, kg m^2."""
+        return observed_inertia(self.seen["inertia"], self.craft.inertia)
+
+    @cached_property
+    def _stored(self) -> np.ndarray:
+        """(N, 3) total momentum, body frame, N m s."""
+        craft = self.craft
+        body = times(self._tensor, self.seen["rate"]) * craft.rate_limit[:, None]
+        return body + craft.momentum * self.seen["wheel_momentum"]
+
+    @cached_property
+    def fullness(self) -> np.ndarray:
+        """(N, 8) largest share of the wheels' momentum along a body axis at a corner."""
+        craft = self.craft
+        body = (self.corners @ self._tensor) * craft.rate_limit[:, None, None]
+        return np.abs((self._stored[:, None] - body) / craft.momentum[:, None]).max(axis=2)
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """(N, 8) largest share of the torque about an axis that holding a corner takes, at most 2."""
+        drift = np.linalg.solve(self._tensor, np.cross(self._stored[:, None], self.corners).transpose(0, 2, 1))
+        share = np.abs(drift.transpose(0, 2, 1)) * self.period / self.seen["control_authority"][:, None]
+        return np.minimum(share.max(axis=2), 2.0)
