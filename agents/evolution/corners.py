@@ -35,7 +35,6 @@ from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.shipped import RATE_PRETRAINED
 
 _DRAWN_VALIDATED = 8
-_FIRST = {"waited": 1.0, "gain": 2.0}  # weights; of the other features 0
 
 
 def main(settings: Evolution) -> int:
@@ -44,7 +43,7 @@ def main(settings: Evolution) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder)
     asked, judged = _kept(settings)
-    first = np.array([_FIRST.get(name, 0.0) for name in settings.features])
+    first = np.array([{"waited": 1.0, "gain": settings.gain}.get(name, 0.0) for name in settings.features])
     options = {"popsize": settings.population, "seed": settings.seed + 1, "verbose": -9, "maxiter": 10**9}
     search = cma.CMAEvolutionStrategy(first, settings.step, options)
     rows, weights = _curve(folder), first

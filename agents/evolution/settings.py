@@ -38,6 +38,8 @@ class Evolution:
     """Sets of weights in a generation."""
     episodes: int = 63
     """Episodes that judge each of them, the same for all of a generation."""
+    gain: float = 1.0
+    """First weight of what a turn tells; that of the waits is 1, of all others 0."""
     step: float = 0.15
     """First standard deviation of the weights."""
     margin: float = 3.5
@@ -62,6 +64,7 @@ class Evolution:
             check_integer(name, getattr(self, name))
         check_integer("population", self.population, low=4)
         check_integer("seed", self.seed, low=0)
+        check_number("gain", self.gain)
         check_number("step", self.step, strict=True)
 
     @property

@@ -159,6 +159,11 @@ class Choice:
         return np.log(2.0 * self.period / self.seen["control_authority"]).mean(axis=1)[:, None]
 
     @cached_property
+    def slewed(self) -> np.ndarray:
+        """(N, 3) waits over the time that it takes to reverse an axis."""
+        return self.waited * self.seen["control_authority"] / (2.0 * self.period)
+
+    @cached_property
     def turn(self) -> np.ndarray:
         """(N, 8, 3) change of the rate to a corner, over the limit."""
         return self.corners - self.seen["rate"][:, None]

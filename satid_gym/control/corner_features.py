@@ -11,8 +11,10 @@ import numpy as np
 
 from satid_gym.control.corner_choice import Choice
 
+_SLEWS = 3.0
 FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "waited": lambda c: c.own,  # the law by waits: of axes that reverse, waits over the hold, -1 each that is too early
+    "waited_slews": lambda c: c.sum_of(np.where(c.slewed >= _SLEWS, c.slewed / _SLEWS, -1.0)),  # over what slews take
     "reversals": lambda c: c.count,
     "reversals_2s": lambda c: c.sum_of(np.exp(-c.waited / 2.0)),
     "reversals_4s": lambda c: c.sum_of(np.tanh(c.waited / 4.0)),
@@ -23,7 +25,7 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "reversals_early": lambda c: c.count * c.early,
     "reversals_late": lambda c: c.count * c.late,
     "reversals_slew": lambda c: c.count * c.slew,
-    "reversals_slewed": lambda c: c.sum_of(np.tanh(c.waited * c.seen["control_authority"] / (2.0 * c.period))),
+    "reversals_slewed": lambda c: c.sum_of(np.tanh(c.slewed)),
     "reversals_frequency": lambda c: c.count * c.mode.frequency,
     "reversals_speed": lambda c: c.count * np.abs(c.mode.speed),
     "unknown": lambda c: c.sum_of(c.unknown),
