@@ -138,7 +138,9 @@ class ObservedModes:
 
     def peaks_of_turns(self, modes: Modes, choices: np.ndarray, decisions: int = 1) -> np.ndarray:
         """The same of each command for some decisions, after them that of the choices which then bends them least."""
-        peaks = np.empty(choices.shape[:2])
+        peaks = np.zeros(choices.shape[:2])
+        if modes.limit.shape[1] == 0:
+            return peaks
         peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, decisions, peaks)
         return peaks
 

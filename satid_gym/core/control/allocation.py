@@ -24,6 +24,15 @@ def allocate(allocation, v, k):
     return allocation[k, 0] * v[0] + allocation[k, 1] * v[1] + allocation[k, 2] * v[2]
 
 
+@inline
+def fits(v, allocation, bias, limit):
+    """Whether the wheels' parts of a vector on the body, added to their bias (n,), are all within their limit (n,)."""
+    within = True
+    for k in range(bias.shape[0]):
+        within = within and abs(bias[k] + allocate(allocation, v, k)) <= limit[k]
+    return within
+
+
 @outline
 def within_reach(target, symmetric, allocation, bias, limit, multiplier):
     """The target with each component as much reduced as the wheels ask for, by shares in [0, 1] as near 1 as can be.
@@ -43,13 +52,10 @@ def within_reach(target, symmetric, allocation, bias, limit, multiplier):
     Source: Boyle and Dykstra 1986, A method for finding projections onto the intersection of convex sets.
     """
     count = multiplier.shape[0]
-    fits = True
-    whole = multiply(symmetric, target)
+    if fits(multiply(symmetric, target), allocation, bias, limit):
+        return target
     for k in range(count):
         multiplier[k] = 0.0
-        fits = fits and abs(bias[k] + allocate(allocation, whole, k)) <= limit[k]
-    if fits:
-        return target
     share, pushed = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
     for _ in range(_SWEEPS):
         start, worst = share, 0.0

@@ -42,7 +42,7 @@ from satid_gym.core.algebra import (
 from satid_gym.core.belief import filters
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control import motors
-from satid_gym.core.control.allocation import allocate, storable, within_reach
+from satid_gym.core.control.allocation import allocate, fits, storable, within_reach
 from satid_gym.core.control.lost_axis import spare
 from satid_gym.core.control.motors import LOST, motors_dtype
 from satid_gym.core.control.null_motion import choose, null_dtype
@@ -189,14 +189,12 @@ def track(task, belief, gyro, tachometer, dt, torque):
     for k in range(n):
         torque[k] = allocate(s.sharing, drift, k)
     error = subtract(wanted, omega)
-    reached = within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0])
-    if subtract(reached, error) != (0.0, 0.0, 0.0):  # then what keeps each axis inside goes before what turns it
-        held = _held(omega, _EDGE * task.rate_limit)
+    held = _held(omega, _EDGE * task.rate_limit)
+    if held != (0.0, 0.0, 0.0) and not fits(multiply(scaled, error), s.sharing, torque, s.reach):
         held = within_reach(held, scaled, s.sharing, torque, s.reach, s.scratch[0])
         _add(s, multiply(scaled, held), torque)
-        rest = (_left(error[0], held[0]), _left(error[1], held[1]), _left(error[2], held[2]))
-        reached = within_reach(rest, scaled, s.sharing, torque, s.reach, s.scratch[0])
-    _add(s, multiply(scaled, reached), torque)
+        error = (_left(error[0], held[0]), _left(error[1], held[1]), _left(error[2], held[2]))
+    _add(s, multiply(scaled, within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0])), torque)
     for k in range(n):
         torque[k] = min(max(torque[k], -s.reach[k]), s.reach[k])
     if n > 3 and s.motors.gain[weakest] > _HEALTHY:
