@@ -32,7 +32,6 @@ from satid_gym.truth import Truth
 
 SCORES = ("final_error", "nees", "outside_fraction", "terminated")
 _SATELLITE = "microsat"
-_RATES = ("shaped_square",)  # policies that command body rates
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +102,7 @@ def _satellite(world: World) -> Satellite:
 def _policy(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
     if name in names():
         return find(name)
-    return make_baseline(name, satellite.name) if name in _RATES else policy_for(name, satellite, scenario)
+    return make_baseline(name, satellite.name) if name == "shaped_square" else policy_for(name, satellite, scenario)
 
 
 def _truth(row: Row, step: float | None) -> Callable[[], Truth]:
@@ -137,7 +136,7 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
         "satellite": satellite,
         "inertia": "static",
         "scenario": scenario,
-        "control": "rate" if name in _RATES else "torque",
+        "control": "rate" if observation_settings(policy).get("observation") == "body" else "torque",
     }
     found: dict[str, Any] = {"row": row, "policy": name, "own": None, "basilisk": None, "flights_apart": None}
     if not _flies(policy, settings):
