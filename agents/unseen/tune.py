@@ -31,6 +31,7 @@ GRIDS: dict[str, list[dict[str, Any]]] = {
         {"period": period, "slews": slews, "margin": 3.5}
         for period, slews in itertools.product((6.0, 9.0, 12.0, 18.0, 24.0), (0.0, 4.0))
     ],
+    "corner_tour": [{"hold": hold} for hold in (5.0, 7.0, 10.0, 14.0, 20.0)],
     "mpc": [{"margin": margin} for margin in (2.75, 3.5)],
 }
 
