@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from satid_gym import Pilot
+from satid_gym import Pilot, draw_satellites
 from satid_gym.commands.main import main
+from satid_gym.control.corner_features import RIGID
 from satid_gym.flightcode.c_types import DOUBLE, Array, TranslationError
 from satid_gym.flightcode.measure import compiled
 from satid_gym.flightcode.policy_source import template
@@ -19,6 +20,8 @@ from satid_gym.flightcode.translator import Translator
 from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.flightcode.writer import texts, write
 from satid_gym.policies import build
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
@@ -26,6 +29,7 @@ from tests.cases import cases
 from tests.tolerances import ALL
 
 ROOT = Path(__file__).parents[1]
+SLOW = draw_satellites([2_000_000_014], wheels=4)[0]
 SQUARE = {"period": 36.0, "margin": 2.5}
 
 
@@ -50,10 +54,21 @@ def replayed(check, folder, vectors):
     return run.returncode, run.stdout + run.stderr
 
 
+def toured(kind):
+    """A policy whose score takes all features of corners."""
+    weights = np.random.default_rng(7).normal(size=(1, len(RIGID))).astype(np.float32)
+    if kind == "corners_rate":  # or a lost reading leads to other reversals than those of the flight that is replayed
+        weights[0, RIGID.index("waited")] = 10.0
+    network = Network((weights,), (np.zeros(1, np.float32),))
+    return LearnedPolicy("toured", network, "rate", 3.5, observation="body", corner_features=RIGID)
+
+
 def pilot_of(kind, pyramid):
     if kind == "panels":
         sheet = problem("microsat", scenario="flex").satellites[3]
         return Pilot(sheet, ShapedSquarePolicy(), scenario="flex", control="rate")
+    if kind.startswith("corners"):
+        return Pilot("microsat" if kind == "corners_rate" else SLOW, toured(kind), control="rate")
     satellite = pyramid if kind.startswith("pyramid") else "microsat"
     if kind == "pyramid_band_rate":  # whose null motion keeps them out of it
         satellite = satellite.replace(wheels=satellite.wheels.replace(avoided_speed=(0.0, 20.0)))
@@ -72,6 +87,8 @@ KINDS = [
     "faults",
     "tolerances",
     "panels",
+    "corners_rate",
+    "corners_pyramid_rate",
 ]
 
 

@@ -29,8 +29,8 @@ from satid_gym.policy import Mission
 
 HOLD = 7.0  # s
 _SLOWEST = 1e-3  # w T
-_EARLY = 10.0  # s
-_LATE = 30.0  # s
+EARLY = 10.0  # s
+LATE = 30.0  # s
 
 
 class Craft(NamedTuple):
@@ -146,12 +146,12 @@ class Choice:
     @cached_property
     def early(self) -> np.ndarray:
         """(N, 1) from 1, where the episode begins, to 0."""
-        return np.exp(-self.gone * self.decisions * self.period / _EARLY)
+        return np.exp(-self.gone * self.decisions * self.period / EARLY)
 
     @cached_property
     def late(self) -> np.ndarray:
         """(N, 1) 1, and in the last half minute to 0."""
-        return np.minimum(self.seen["time_left"] * self.decisions * self.period / _LATE, 1.0)
+        return np.minimum(self.seen["time_left"] * self.decisions * self.period / LATE, 1.0)
 
     @cached_property
     def slew(self) -> np.ndarray:

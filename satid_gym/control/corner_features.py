@@ -11,10 +11,10 @@ import numpy as np
 
 from satid_gym.control.corner_choice import Choice
 
-_SLEWS = 3.0
+SLEWS = 3.0
 FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "waited": lambda c: c.own,  # the law by waits: of axes that reverse, waits over the hold, -1 each that is too early
-    "waited_slews": lambda c: c.sum_of(np.where(c.slewed >= _SLEWS, c.slewed / _SLEWS, -1.0)),  # over what slews take
+    "waited_slews": lambda c: c.sum_of(np.where(c.slewed >= SLEWS, c.slewed / SLEWS, -1.0)),  # over what slews take
     "reversals": lambda c: c.count,
     "reversals_2s": lambda c: c.sum_of(np.exp(-c.waited / 2.0)),
     "reversals_4s": lambda c: c.sum_of(np.tanh(c.waited / 4.0)),

@@ -8,6 +8,8 @@ from importlib.resources import files
 
 import numpy as np
 
+from satid_gym.control.corner_choice import EARLY, HOLD, LATE, Craft
+from satid_gym.control.corner_features import RIGID, SLEWS
 from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.flightcode.c_types import number
@@ -122,10 +124,10 @@ def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySour
 
 
 def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
-    if policy.spares_modes or policy.corner_features:
-        raise ValueError(
-            f"policy {policy.name} spares modes or tours corners by a law that has no C: give a learned policy without"
-        )
+    if policy.spares_modes:
+        raise ValueError(f"policy {policy.name} spares modes by a law that has no C: give a learned policy without")
+    if policy.corner_features:
+        return _tour(pilot, policy)
     if policy.repeat > 1:
         raise ValueError(
             f"policy {policy.name} repeats each command for {policy.repeat} decisions, and has no C: give a learned "
@@ -150,6 +152,29 @@ def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
     if policy.control == "rate":
         return _commanding(pilot, source, policy.margin)
     source.numbers["COMMAND_IS_RATE"] = "0"
+    return source
+
+
+def _tour(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
+    satellite, weights = pilot.mission.satellite, policy.network.weights
+    unknown = sorted(set(policy.corner_features) - set(RIGID))
+    if satellite.modes or unknown or len(weights) > 1:
+        raise ValueError(
+            f"policy {policy.name} has no C here: a score of corners has it for satellites without panels and tanks, "
+            f"and as a sum of features that need neither; got {len(satellite.modes)} modes, {len(weights)} layers and "
+            f"the features {', '.join(unknown) or 'of rigid satellites'}"
+        )
+    craft = Craft.of([pilot.mission])
+    scored = zip(policy.corner_features, weights[0][0], strict=True)
+    lines = [f"    X({name}, {number(float(str(weight)))}f)" for name, weight in scored]
+    text = " \\\n".join(["/* Weights of the score. */\n#define SCORE(X)", *lines]) + "\n"
+    state = f"{_COUNTER}\n    double side[3], waited[3]; /* s */"
+    source = PolicySource(template="policy_corner_tour.c", files={"corners.h": text}, state=state)
+    source = _commanding(pilot, source, policy.margin)
+    rows = ", ".join(_braces(row) for row in craft.inertia[0])
+    source.numbers |= {"INERTIA": f"{{{rows}}}", "MOMENTUM": _braces(craft.momentum[0])}
+    numbers = {"NOISE": float(craft.noise[0]), "HOLD": HOLD, "SLEWS": SLEWS, "EARLY": EARLY, "LATE": LATE}
+    source.numbers |= {f"TURN_{name}": number(value) for name, value in numbers.items()}
     return source
 
 

@@ -190,7 +190,8 @@ def track(task, belief, gyro, tachometer, dt, torque):
         torque[k] = allocate(s.sharing, drift, k)
     error = subtract(wanted, omega)
     held = _held(omega, _EDGE * task.rate_limit)
-    if held != (0.0, 0.0, 0.0) and not fits(multiply(scaled, error), s.sharing, torque, s.reach):
+    beyond = held[0] != 0.0 or held[1] != 0.0 or held[2] != 0.0
+    if beyond and not fits(multiply(scaled, error), s.sharing, torque, s.reach):
         held = within_reach(held, scaled, s.sharing, torque, s.reach, s.scratch[0])
         _add(s, multiply(scaled, held), torque)
         error = (_left(error[0], held[0]), _left(error[1], held[1]), _left(error[2], held[2]))
