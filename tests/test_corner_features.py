@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from satid_gym.control.corner_choice import Choice, Craft
+from satid_gym.control.corner_choice import Choice
+from satid_gym.control.craft import Craft
 from satid_gym.core.observation import observed_std
 from tests.test_corners import CORNERS
 
@@ -33,21 +36,35 @@ def choice(rng: np.random.Generator, waited: float) -> Choice:
 
 
 @pytest.mark.parametrize("waited", [1.0, 40.0])
-def test_a_turn_tells_as_much_as_a_measured_change_of_momentum_does(waited):
-    """Each axis by itself: half the log of its variance with and without the inertia's, from perturbed tensors."""
-    asked = choice(np.random.default_rng(5), waited)
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_turn_tells_as_much_as_a_measured_change_of_momentum_does(waited, whole):
+    """Half the log of the determinant of the measurement's covariance with and without that of the inertia.
+
+    Derivatives are differences of perturbed tensors; the correlations are at their places among those of 9 states.
+    """
+    rng = np.random.default_rng(5)
+    asked = choice(rng, waited)
+    factor = rng.normal(size=(9, 9)) + 2.0 * np.eye(9)
+    covariance = factor @ factor.T
+    correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    if whole:
+        rows = [(r, c) for r in range(9) for c in range(r + 1, 9) if r >= 3 or c < 3]
+        seen = {"state_uncertainty": np.zeros((1, 3)), "state_correlation": np.array([[correlation[i] for i in rows]])}
+        asked = dataclasses.replace(asked, seen={**asked.seen, **seen})
+    among = correlation[3:, 3:] if whole else np.eye(6)
     tensor, std = asked.craft.inertia[0], observed_std(asked.seen["uncertainty"][0])
     noise = 2e-5 * (1.0 / waited + 1.0 / 7.0)
     for decisions, most in ((np.inf, np.inf), (3.0, 0.6)):
         found = asked.gain(decisions)[0]
         for corner, gain in zip(asked.corners[0], found, strict=True):
             turn = np.clip(corner - asked.seen["rate"][0], -most, most)
-            spread = np.zeros(3)
+            told = np.empty((3, 6))
             for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]):
                 change = np.zeros((3, 3))
                 change[i, j] = change[j, i] = std[k] * np.sqrt(tensor[i, i] * tensor[j, j])
-                spread += (change @ turn / np.diag(tensor)) ** 2
-            np.testing.assert_allclose(gain, np.sum(0.5 * np.log((noise + spread) / noise)) / 3.0, rtol=1e-12)
+                told[:, k] = change @ turn / np.diag(tensor)
+            ratio = np.linalg.det(noise * np.eye(3) + told @ among @ told.T) / noise**3
+            np.testing.assert_allclose(gain, 0.5 * np.log(ratio) / 3.0, rtol=1e-9)
 
 
 def test_load_and_fullness_are_those_of_euler_s_equation():

@@ -29,6 +29,7 @@ class Judge:
             settings.scenario,
             control="rate",
             observation="body",
+            include_covariance=True,
             num_threads=1,
         )
         self._tour = CornerTour(missions(self._env.problem), settings.margin, features=settings.features)

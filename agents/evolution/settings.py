@@ -91,5 +91,5 @@ class Evolution:
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""
         network = Network((weights[None].astype(np.float32),), (np.zeros(1, np.float32),))
-        given = {"observation": "body", "corner_features": self.features}
+        given = {"observation": "body", "corner_features": self.features, "include_covariance": True}
         return LearnedPolicy(self.name, network, "rate", self.margin, details=details, **given)

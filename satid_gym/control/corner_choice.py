@@ -1,67 +1,32 @@
 """What is known when a corner of the rate envelope is chosen: of the turns there, the modes and the wheels.
 
-What a turn to a corner tells of the inertia is weighed by the uncertainties that are observed, as if they were not
-correlated. The change v of the rate is measured about each axis i, in units of the rate limit, with variance R, and
-depends on the parameter theta_ij by v_j sqrt(J_jj / J_ii), in units of its scale:
+What a turn to a corner tells of the inertia is weighed by the covariance of its parameters as observed. The change v of
+the rate is measured about each axis with variance R, in units of the rate limit squared, and depends on theta by H:
 
-    gain = 1/6 sum_i ln(1 + s_i / R)
-    s_i = sum_j v_j^2 (J_jj / J_ii) std(theta_ij)^2
-    R = T_s sigma^2 (1 / t + 1 / 7 s)
+    gain = 1/6 ln det(1 + H P H^T / R),  H[i, ij] = v_j sqrt(J_jj / J_ii),  R = T_s sigma^2 (1 / t + 1 / 7 s)
 
-in nats an axis, with sigma the noise of the gyro's samples, T_s apart, averaged over the t seconds since the last
-reversal and some seconds after this one.
+in nats an axis, with P in units of theta's scale and sigma the noise of the gyro's samples, T_s apart, averaged over
+the t seconds since the last reversal and some seconds after this one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.observed_modes import Modes, ObservedModes
-from satid_gym.core.observation import observed_std
+from satid_gym.core.observation import observed_std, state_pairs
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
-from satid_gym.policy import Mission
 
 HOLD = 7.0  # s
 _SLOWEST = 1e-3  # w T
 EARLY = 10.0  # s
 LATE = 30.0  # s
-
-
-class Craft(NamedTuple):
-    """What the data sheets of N satellites say that observations leave out.
-
-    Attributes:
-        inertia: (N, 3, 3) of the prior, kg m^2.
-        momentum: (N, 3) that all wheels together have along each body axis, N m s.
-        rate_limit: (N,) rad/s.
-        noise: (N,) variance of the mean of a second of gyro samples, over the rate limit squared.
-    """
-
-    inertia: np.ndarray
-    momentum: np.ndarray
-    rate_limit: np.ndarray
-    noise: np.ndarray
-
-    @classmethod
-    def of(cls, missions: Sequence[Mission]) -> Craft:
-        """Those of missions."""
-        rows = []
-        for mission in missions:
-            satellite, wheels = mission.satellite, mission.satellite.wheels
-            noise = mission.scenario.sample_period * (satellite.gyro_noise_std / satellite.rate_limit) ** 2
-            stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)
-            rows.append((mission.prior.inertia, stored, satellite.rate_limit, noise))
-        return cls(*(np.array(part) for part in zip(*rows, strict=True)))
-
-    def take(self, rows: np.ndarray) -> Craft:
-        """Those of some rows."""
-        return Craft(*(part[rows] for part in self))
 
 
 class NearestMode(NamedTuple):
@@ -197,17 +162,30 @@ class Choice:
         return np.minimum(self.foreseen.peaks_of_turns(self.modes, self.corners, 3), 2.0)
 
     @cached_property
-    def _variance(self) -> np.ndarray:
-        """(N, 3, 3) [j, i]: (J_jj / J_ii) std(theta_ij)^2 / R."""
-        variance = observed_std(self.seen["uncertainty"]) ** 2
+    def _sensitivity(self) -> np.ndarray:
+        """(N, 3, 3, p) [i, j, k]: of the rate's change about axis i by that about j times theta_k, over sqrt(R)."""
         moments = inertia_parameters(self.craft.inertia, "principal")
-        spread = np.zeros((len(variance), 3, 3))
-        for i in range(3):
-            spread[:, i, i] = variance[:, i]
-        for k, (i, j) in enumerate(PRODUCTS[: variance.shape[1] - 3]):
-            spread[:, i, j] = spread[:, j, i] = variance[:, 3 + k]
         noise = self.craft.noise * (1.0 / self.waited.min(axis=1) + 1.0 / HOLD)
-        return spread * (moments[:, :, None] / moments[:, None]) / noise[:, None, None]
+        size = np.sqrt(moments[:, None] / moments[:, :, None] / noise[:, None, None])
+        p = self.seen["uncertainty"].shape[1]
+        by = np.zeros((len(size), 3, 3, p))
+        for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), *PRODUCTS][:p]):
+            by[:, i, j, k], by[:, j, i, k] = size[:, i, j], size[:, j, i]
+        return by
+
+    @cached_property
+    def _covariance(self) -> np.ndarray:
+        """(N, p, p) of theta over its scale; without the whole covariance among what is seen, as if not correlated."""
+        std = observed_std(self.seen["uncertainty"])
+        count, p = std.shape
+        correlation = np.tile(np.eye(p), (count, 1, 1))
+        if "state_correlation" in self.seen:
+            others = self.seen["state_uncertainty"].shape[1]
+            for place, (r, c) in enumerate(state_pairs(p, others)):
+                if r >= 3 and c < 3 + p:
+                    value = self.seen["state_correlation"][:, place]
+                    correlation[:, r - 3, c - 3] = correlation[:, c - 3, r - 3] = value
+        return correlation * std[:, :, None] * std[:, None]
 
     def gain(self, decisions: float = np.inf) -> np.ndarray:
         """(N, 8) nats an axis that a turn to a corner tells in some decisions, or when it is complete."""
@@ -215,7 +193,12 @@ class Choice:
         if np.isfinite(decisions):
             most = decisions * self.seen["control_authority"][:, None]
             turn = np.clip(turn, -most, most)
-        return np.log1p(turn**2 @ self._variance).sum(axis=2) / 6.0
+        count, p = self.seen["uncertainty"].shape
+        told = (turn @ self._sensitivity.transpose(0, 2, 1, 3).reshape(count, 3, 3 * p)).reshape(count, -1, 3, p)
+        spread = told @ self._covariance[:, None] @ told.swapaxes(2, 3)
+        a, b, c, d, e, f = (spread[:, :, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+        a, b, c = 1.0 + a, 1.0 + b, 1.0 + c
+        return np.log(a * (b * c - f * f) - d * (d * c - e * f) + e * (d * f - b * e)) / 6.0
 
     @cached_property
     def complete_gain(self) -> np.ndarray:

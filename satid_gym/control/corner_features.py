@@ -15,6 +15,7 @@ SLEWS = 3.0
 FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "waited": lambda c: c.own,  # the law by waits: of axes that reverse, waits over the hold, -1 each that is too early
     "waited_slews": lambda c: c.sum_of(np.where(c.slewed >= SLEWS, c.slewed / SLEWS, -1.0)),  # over what slews take
+    "waited_early": lambda c: c.own * c.early,
     "reversals": lambda c: c.count,
     "reversals_2s": lambda c: c.sum_of(np.exp(-c.waited / 2.0)),
     "reversals_4s": lambda c: c.sum_of(np.tanh(c.waited / 4.0)),
@@ -47,6 +48,7 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "gain_10": lambda c: c.gain(10.0),
     "gain_uncertainty": lambda c: c.complete_gain * c.uncertainty,
     "gain_early": lambda c: c.complete_gain * c.early,
+    "gain_1_early": lambda c: c.gain(1.0) * c.early,
     "underway": lambda c: np.tanh((np.abs(c.turn) / c.seen["control_authority"][:, None]).max(axis=2) / 4.0),
     "fullness": lambda c: c.fullness,
     "fullness_beyond": lambda c: 3.0 * np.maximum(c.fullness - 0.7, 0.0),

@@ -15,8 +15,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.corner_choice import HOLD, Choice, Craft
+from satid_gym.control.corner_choice import HOLD, Choice
 from satid_gym.control.corner_features import FEATURES
+from satid_gym.control.craft import Craft
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.policy import Mission
@@ -25,6 +26,7 @@ _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
+_WHOLE = ("state_uncertainty", "state_correlation")  # where the whole covariance is observed
 Score = Callable[[np.ndarray], np.ndarray]
 """Scores (N, 8) of corners by their features (N, 8, features)."""
 
@@ -56,6 +58,7 @@ class CornerTour:
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
+        self._seen = [name for name in (*_SEEN, *_WHOLE) if name in self._layout]
         self._all_crafts = Craft.of(missions)
         self._craft = self._all_crafts.take(np.zeros(1, int))
         self.begin(0)
@@ -81,7 +84,7 @@ class CornerTour:
         scores = self._waits(reverses)
         if score is not None:
             choice = Choice(
-                seen={name: observation[:, self._layout[name]].astype(float) for name in _SEEN},
+                seen={name: observation[:, self._layout[name]].astype(float) for name in self._seen},
                 craft=self._craft,
                 corners=corners,
                 reverses=reverses,

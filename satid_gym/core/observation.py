@@ -89,6 +89,12 @@ def layout(
     return {name: slice(edges[i], edges[i + 1]) for i, name in enumerate(sizes)}
 
 
+def state_pairs(p: int, others: int) -> list[tuple[int, int]]:
+    """States of each number of the part `state_correlation`, in order; 3 to 2 + p are the inertia parameters."""
+    states = [(r, c) for r in range(p + others) for c in range(r + 1, p + others)]
+    return [(r, c) for r, c in states if r >= 3 or c < 3 or c >= 3 + p]
+
+
 def observed_std(value: np.ndarray) -> np.ndarray:
     """Standard deviations, over their scale, that observed `uncertainty` stands for."""
     return 10.0 ** (value - LOG_OFFSET)

@@ -8,8 +8,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from satid_gym.control.corner_choice import EARLY, HOLD, LATE, Craft
+from satid_gym.control.corner_choice import EARLY, HOLD, LATE
 from satid_gym.control.corner_features import RIGID, SLEWS
+from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.flightcode.c_types import number

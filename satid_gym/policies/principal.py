@@ -7,12 +7,11 @@ well as the two moments of its axes. That is a linear function of what is observ
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from satid_gym.core.observation import MODE_PARTS, layout
+from satid_gym.core.observation import MODE_PARTS, layout, state_pairs
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS
 
 if TYPE_CHECKING:
@@ -76,10 +75,7 @@ def widening(observed: dict[str, slice]) -> np.ndarray | None:
     return matrix
 
 
-def _pairs(p: int, others: int) -> Iterator[tuple[int, int]]:
+def _pairs(p: int, others: int) -> list[tuple[int, int]]:
     """Pairs of states of `state_correlation` in order, each by its number where all products are estimated."""
     number = [*range(3 + p), *range(3 + _FULL, _FULL + others)]
-    for r in range(p + others):
-        for c in range(r + 1, p + others):
-            if r >= 3 or c < 3 or c >= 3 + p:
-                yield number[r], number[c]
+    return [(number[r], number[c]) for r, c in state_pairs(p, others)]

@@ -1,0 +1,41 @@
+"""What the data sheets of satellites say that observations in the form "body" leave out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from satid_gym.policy import Mission
+
+
+class Craft(NamedTuple):
+    """Numbers of the data sheets of N satellites.
+
+    Attributes:
+        inertia: (N, 3, 3) of the prior, kg m^2.
+        momentum: (N, 3) that all wheels together have along each body axis, N m s.
+        rate_limit: (N,) rad/s.
+        noise: (N,) variance of the mean of a second of gyro samples, over the rate limit squared.
+    """
+
+    inertia: np.ndarray
+    momentum: np.ndarray
+    rate_limit: np.ndarray
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, missions: Sequence[Mission]) -> Craft:
+        """Those of missions."""
+        rows = []
+        for mission in missions:
+            satellite, wheels = mission.satellite, mission.satellite.wheels
+            noise = mission.scenario.sample_period * (satellite.gyro_noise_std / satellite.rate_limit) ** 2
+            stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)
+            rows.append((mission.prior.inertia, stored, satellite.rate_limit, noise))
+        return cls(*(np.array(part) for part in zip(*rows, strict=True)))
+
+    def take(self, rows: np.ndarray) -> Craft:
+        """Those of some rows."""
+        return Craft(*(part[rows] for part in self))
