@@ -60,7 +60,8 @@ def toured(kind):
     if kind == "corners_rate":  # or a lost reading leads to other reversals than those of the flight that is replayed
         weights[0, RIGID.index("waited")] = 10.0
     network = Network((weights,), (np.zeros(1, np.float32),))
-    return LearnedPolicy("toured", network, "rate", 3.5, observation="body", corner_features=RIGID)
+    given = {"observation": "body", "include_covariance": kind != "corners_rate"}
+    return LearnedPolicy("toured", network, "rate", 3.5, **given, corner_features=RIGID)
 
 
 def pilot_of(kind, pyramid):

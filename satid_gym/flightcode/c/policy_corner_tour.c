@@ -13,35 +13,60 @@ static const int PRODUCTS[3][2] = {{0, 1}, {0, 2}, {1, 2}};
 
 typedef struct {
     double uncertainty, unknown[3], gone, early, late, slew, slewed[3];
-    double variance[3][3], tensor[3][3], total[3];
+    double covariance[SATID_PARAMETERS][SATID_PARAMETERS]; /* of theta over its scale, and over that of what is measured */
+    double tensor[3][3], total[3];
 } belief;
 
 typedef struct {
-    double waited, waited_slews, reversals, reversals_2s, reversals_4s, reversals_12s, reversals_squared,
+    double waited, waited_slews, waited_early, reversals, reversals_2s, reversals_4s, reversals_12s, reversals_squared,
         reversals_uncertainty, reversals_elapsed, reversals_early, reversals_late, reversals_slew, reversals_slewed,
         unknown, unknown_12s, any, any_uncertainty, any_elapsed, any_early, any_late, any_slew, any_nis, gain, gain_1,
-        gain_3, gain_10, gain_uncertainty, gain_early, underway, fullness, fullness_beyond, load, load_beyond;
+        gain_3, gain_10, gain_uncertainty, gain_early, gain_1_early, underway, fullness, fullness_beyond, load,
+        load_beyond;
 } corner_features;
+
+static void axes_of(int k, int *i, int *j)
+{
+    *i = k < 3 ? k : PRODUCTS[k - 3][0];
+    *j = k < 3 ? k : PRODUCTS[k - 3][1];
+}
 
 static void read_inertia(const float *observation, const double *waited, belief *seen)
 {
     const double soonest = fmin(fmin(waited[0], waited[1]), waited[2]);
     const double noise = SATID_TURN_NOISE * (1.0 / soonest + 1.0 / SATID_TURN_HOLD);
+    double std[SATID_PARAMETERS];
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
-            seen->variance[i][j] = 0.0;
             seen->tensor[i][j] = 0.0;
         }
     }
     for (int k = 0; k < SATID_PARAMETERS; k++) {
-        const int i = k < 3 ? k : PRODUCTS[k - 3][0], j = k < 3 ? k : PRODUCTS[k - 3][1];
-        const double std = pow(10.0, (double)observation[SATID_AT_UNCERTAINTY + k] - 2.0);
-        const double ratio = INERTIA[i][i] / INERTIA[j][j], scale = sqrt(INERTIA[i][i] * INERTIA[j][j]);
-        seen->variance[i][j] = std * std * ratio / noise;
-        seen->variance[j][i] = std * std / ratio / noise;
-        seen->tensor[i][j] = INERTIA[i][j] + scale * (double)observation[SATID_AT_INERTIA + k];
+        int i, j;
+        axes_of(k, &i, &j);
+        std[k] = pow(10.0, (double)observation[SATID_AT_UNCERTAINTY + k] - 2.0);
+        seen->tensor[i][j] = sqrt(INERTIA[i][i] * INERTIA[j][j]) * (double)observation[SATID_AT_INERTIA + k];
+        seen->tensor[i][j] += INERTIA[i][j];
         seen->tensor[j][i] = seen->tensor[i][j];
+        for (int l = 0; l < SATID_PARAMETERS; l++) {
+            seen->covariance[k][l] = k == l ? std[k] * std[k] / noise : 0.0;
+        }
     }
+#ifdef SATID_AT_STATE_CORRELATION
+    const float *correlation = observation + SATID_AT_STATE_CORRELATION;
+    for (int r = 0; r < SATID_STATES; r++) {
+        for (int c = r + 1; c < SATID_STATES; c++) {
+            if (r < 3 && c >= 3 && c < 3 + SATID_PARAMETERS) {
+                continue; /* not here but in "correlation" */
+            }
+            if (r >= 3 && c < 3 + SATID_PARAMETERS) {
+                seen->covariance[r - 3][c - 3] = (double)*correlation * std[r - 3] * std[c - 3] / noise;
+                seen->covariance[c - 3][r - 3] = seen->covariance[r - 3][c - 3];
+            }
+            correlation++;
+        }
+    }
+#endif
 }
 
 static void read(const float *observation, const double *waited, belief *seen)
@@ -69,19 +94,29 @@ static void read(const float *observation, const double *waited, belief *seen)
 /* Nats an axis that a turn to a corner tells in some decisions. */
 static double gain(const float *observation, const belief *seen, const double corner[3], double decisions)
 {
-    double turn[3], told = 0.0;
+    double turn[3], told[3][SATID_PARAMETERS] = {{0.0}}, s[3][3];
     for (int i = 0; i < 3; i++) {
         const double most = decisions * AUTHORITY(i);
         turn[i] = fmin(fmax(corner[i] - (double)observation[SATID_AT_RATE + i], -most), most);
     }
-    for (int i = 0; i < 3; i++) {
-        double spread = 0.0;
-        for (int j = 0; j < 3; j++) {
-            spread += turn[j] * turn[j] * seen->variance[j][i];
-        }
-        told += log1p(spread) / 6.0;
+    for (int k = 0; k < SATID_PARAMETERS; k++) {
+        int i, j;
+        axes_of(k, &i, &j);
+        told[i][k] = turn[j] * sqrt(INERTIA[j][j] / INERTIA[i][i]);
+        told[j][k] = turn[i] * sqrt(INERTIA[i][i] / INERTIA[j][j]);
     }
-    return told;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            s[i][j] = i == j ? 1.0 : 0.0;
+            for (int k = 0; k < SATID_PARAMETERS; k++) {
+                for (int l = 0; l < SATID_PARAMETERS; l++) {
+                    s[i][j] += told[i][k] * seen->covariance[k][l] * told[j][l];
+                }
+            }
+        }
+    }
+    return log(s[0][0] * (s[1][1] * s[2][2] - s[1][2] * s[1][2]) - s[0][1] * (s[0][1] * s[2][2] - s[0][2] * s[1][2]) +
+               s[0][2] * (s[0][1] * s[1][2] - s[1][1] * s[0][2])) / 6.0;
 }
 
 /* Largest shares of the wheels' momentum, and of the torque, that a corner takes along or about a body axis. */
@@ -138,6 +173,7 @@ static double score(const float *observation, const belief *seen, const satid_po
         f.unknown_12s += seen->unknown[i] * flat;
     }
     f.any = f.reversals > 0.0 ? 1.0 : 0.0;
+    f.waited_early = f.waited * seen->early;
     f.reversals_squared = f.reversals * f.reversals / 3.0;
     f.reversals_uncertainty = f.reversals * seen->uncertainty;
     f.reversals_elapsed = f.reversals * seen->gone;
@@ -156,6 +192,7 @@ static double score(const float *observation, const belief *seen, const satid_po
     f.gain_10 = gain(observation, seen, corner, 10.0);
     f.gain_uncertainty = f.gain * seen->uncertainty;
     f.gain_early = f.gain * seen->early;
+    f.gain_1_early = f.gain_1 * seen->early;
     f.underway = tanh(slowest / 4.0);
     wheels(observation, seen, corner, &f);
 #define ADD(feature, weight) total += (double)weight * f.feature;
