@@ -26,6 +26,7 @@ from agents.docs.results_tables import (
     standing_tables,
 )
 from agents.docs.specification import satellites, section_table, vector_arguments
+from agents.unseen.table import unseen
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -95,8 +96,7 @@ def scenarios() -> str:
 def appendages() -> str:
     """Panels and tanks that scenarios give their satellites."""
     given = {name: s.appendages for name, s in SCENARIOS.items() if s.appendages is not None}
-    said = {name: meaning for own in given.values() for name, meaning in meanings(type(own)).items()}
-    said = meanings(Appendages) | said
+    said = meanings(Appendages) | {name: text for own in given.values() for name, text in meanings(type(own)).items()}
     rows = [
         [f"`{name}`", *(shown(getattr(own, name)) if hasattr(own, name) else "" for own in given.values()), said[name]]
         for name in said
@@ -194,6 +194,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "faults": faults,
     },
     "standing.md": {"ladders": worlds.ladders},
+    "training.md": {"unseen": unseen},
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
     "baselines.md": {"baselines": baselines},
     "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},

@@ -1,0 +1,47 @@
+"""Table of a comparison on unseen satellites, for the docs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from agents.docs.readme import RESULTS
+from baselines.command.markdown import table
+from satid_gym.files import read_json
+
+
+def unseen() -> str:
+    """The committed comparison."""
+    remedy = "run python -m agents.unseen.compare --output docs/results/unseen.json"
+    return unseen_table(read_json(RESULTS / "unseen.json", remedy, keys=("summary", "settings", "revision")))
+
+
+def unseen_table(results: Mapping[str, Any]) -> str:
+    """One row a policy, from a file of `agents.unseen.compare`."""
+    entries, settings = results["summary"], results["settings"]
+    first = entries[0]["policy"]
+    head = [
+        "policy",
+        "mean error, %",
+        f"`{first}` over it, mean error: median, 95th percentile",
+        "final error",
+        "inside, unsaturated, % of satellites",
+        "NEES",
+    ]
+    rows = []
+    for entry in entries:
+        over = [entry[f"{first}_over_it_{score}"] for score in ("mean_error", "final_error")]
+        shares = (100.0 * entry[f"at_most_1_percent_{what}_fraction"] for what in ("outside", "saturated"))
+        rows.append(
+            [
+                f"`{entry['policy']}`",
+                f"{100.0 * entry['mean_error']:.3f}",
+                *("" if entry is entries[0] else f"{o['median']:.2f}, {o['percentile_95']:.2f}" for o in over),
+                ", ".join(f"{share:.0f}" for share in shares),
+                f"{entry['nees']:.2f}",
+            ]
+        )
+    low, high = settings["wheels"]
+    of = f"{entries[0]['satellites']} satellites of {low} to {high} wheels, {settings['split']} seeds, four laws"
+    episodes = f"{settings['episodes']} episodes a cell, {settings['planned']} of planners"
+    return f"{table(head, rows)}\n\n{of}, {episodes}; revision {results['revision'][:7]}."
