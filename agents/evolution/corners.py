@@ -7,6 +7,7 @@ A generation flies the same tuning episodes under random inertia laws, of all th
 random; what counts is the error that the filter expects, in the mean over the flight and geometrically over episodes,
 and the costs. No teacher, no truth and no gradient: costs and what the filter says are all it sees.
 
+The policy has the mean of what the last generations found: one alone is noise for a good part.
 Each generation is kept in `generations.npz` in the run's folder; stopped, the same command goes on.
 """
 
@@ -46,7 +47,7 @@ def main(settings: Evolution) -> int:
     first = np.array([{"waited": 1.0, "gain": settings.gain}.get(name, 0.0) for name in settings.features])
     options = {"popsize": settings.population, "seed": settings.seed + 1, "verbose": -9, "maxiter": 10**9}
     search = cma.CMAEvolutionStrategy(first, settings.step, options)
-    rows, weights = _curve(folder), first
+    rows, means = _curve(folder), []
     with cli.on_interrupt(f"{folder} is kept: the same command goes on"), closing(Judges(settings)) as judge:
         for generation in tqdm(range(settings.generations), desc=settings.name, unit="generation"):
             points = np.array(search.ask())
@@ -63,9 +64,9 @@ def main(settings: Evolution) -> int:
                     "began it, or give another --output"
                 )
             search.tell(list(asked[generation]), judged[generation].tolist())
-            weights = search.mean
+            means.append(search.mean.copy())
     head = result_head("agents.evolution", {**dataclasses.asdict(settings), "output": folder.name})
-    policy = settings.policy(weights, training=head)
+    policy = settings.policy(np.mean(means[-settings.averaged :], axis=0), training=head)
     for path in (folder / "policy", *([RATE_PRETRAINED / settings.name] if settings.ship else [])):
         policy.save(path)
     for line in validated(policy, settings):
@@ -86,7 +87,7 @@ def validated(policy: LearnedPolicy, settings: Evolution) -> Iterator[str]:
 
 def _same(settings: Evolution) -> str:
     """What a run that goes on must have in common with the one that was stopped."""
-    free = ("name", "generations", "output", "ship", "workers", "validation")
+    free = ("name", "generations", "averaged", "output", "ship", "workers", "validation")
     return json.dumps({name: value for name, value in dataclasses.asdict(settings).items() if name not in free})
 
 

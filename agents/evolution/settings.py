@@ -34,6 +34,8 @@ class Evolution:
     """Wheels of each of these."""
     generations: int = 80
     """Generations to evolve for."""
+    averaged: int = 20
+    """Last generations of which the policy is the mean."""
     population: int = 14
     """Sets of weights in a generation."""
     episodes: int = 63
@@ -60,7 +62,7 @@ class Evolution:
         if not self.is_drawn:
             check_names("satellite", self.satellites, SATELLITES)
         check_name(self.name)
-        for name in ("generations", "episodes", "workers", "validation", "drawn", "drawn_wheels"):
+        for name in ("generations", "averaged", "episodes", "workers", "validation", "drawn", "drawn_wheels"):
             check_integer(name, getattr(self, name))
         check_integer("population", self.population, low=4)
         check_integer("seed", self.seed, low=0)
