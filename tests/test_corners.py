@@ -204,10 +204,10 @@ def test_the_shipped_tour_expects_less_than_the_law_it_began_as(satellite, inert
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
-def test_the_tour_without_a_tank_expects_less_than_square_waves(satellite):
+def test_the_tour_of_any_satellite_expects_less_than_square_waves(satellite):
     cell, those = Cell(scenario="default", satellite=satellite, inertia="static"), seeds("validation", 16)
     _, square = tuned_rival("default", "microsat", "rate_square")
-    learned, waves = (flown(cell, policy, those) for policy in (find("default_tour"), square))
+    learned, waves = (flown(cell, policy, those) for policy in (find("rigid_tour"), square))
     assert learned.inside(0.01)
     assert 0.3 < learned.nees.mean() < 2.0
     assert learned.expected.mean() < waves.expected.mean()

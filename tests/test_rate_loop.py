@@ -131,7 +131,7 @@ def test_no_policy_that_commands_rates_leaves_the_envelope(kind, policy, microsa
 
 
 @pytest.mark.compiled
-@cases("policy", ["default_tour", "rate_square"])
+@cases("policy", ["rigid_tour", "rate_square"])
 def test_noise_drives_no_axis_out_of_the_envelope_while_others_turn(policy):
     """A slow satellite, whose wheels need all their torque for seconds: it was outside for 2 to 4 % of the time."""
     (slow,) = draw_satellites([2_000_000_014], wheels=4)
