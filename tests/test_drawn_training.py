@@ -64,14 +64,15 @@ def test_a_slow_satellite_gets_a_longer_period(slews, period):
 
 @pytest.mark.parametrize("wheels", range(3, 9))
 @pytest.mark.parametrize("parameters", ["principal", "full"])
-def test_the_shipped_policy_takes_any_number_of_wheels_and_both_filters(wheels, parameters):
-    policy = find("universal")
+@pytest.mark.parametrize("name", ["universal", "rigid_tour"])
+def test_the_shipped_policies_take_any_number_of_wheels_and_both_filters(wheels, parameters, name):
+    policy = find(name)
     (satellite,) = draw_satellites([0], wheels=wheels)
     if parameters == "principal":
         satellite = satellite.replace(inertia=np.diag(np.diag(satellite.inertia)))
     posed = problem(satellite, "static", control="rate", **observation_settings(policy))
     assert posed.parameters == parameters
     policy.reset(only_mission(posed), [0])
-    action = policy(np.zeros((2, max(place.stop for place in posed.layout.values())), np.float32))
+    action = policy(np.ones((2, max(place.stop for place in posed.layout.values())), np.float32))
     assert action.shape == (2, 3)
     assert (np.abs(action) <= 1.0).all()

@@ -35,7 +35,7 @@ TUNED = Path("docs/results/unseen_tuned.json")
 class Unseen:
     """Settings of the comparison."""
 
-    policies: tuple[str, ...] = ("universal", "mpc", "rate_square")
+    policies: tuple[str, ...] = ("rigid_tour", "mpc", "rate_square", "corner_tour", "universal")
     """Learned policies by name or path, and baselines that were tuned; the first is the one that others are set
     against."""
     satellites: int = 200
