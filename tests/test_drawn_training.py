@@ -72,7 +72,7 @@ def test_the_shipped_policies_take_any_number_of_wheels_and_both_filters(wheels,
         satellite = satellite.replace(inertia=np.diag(np.diag(satellite.inertia)))
     posed = problem(satellite, "static", control="rate", **observation_settings(policy))
     assert posed.parameters == parameters
-    policy.reset(only_mission(posed), [0])
+    policy.reset(only_mission(posed), [0, 1])
     action = policy(np.ones((2, max(place.stop for place in posed.layout.values())), np.float32))
     assert action.shape == (2, 3)
     assert (np.abs(action) <= 1.0).all()
