@@ -6,7 +6,8 @@ the rate is measured about each axis with variance R, in units of the rate limit
     gain = 1/6 ln det(1 + H P H^T / R),  H[i, ij] = v_j sqrt(J_jj / J_ii),  R = T_s sigma^2 (1 / t + 1 / 7 s)
 
 in nats an axis, with P in units of theta's scale and sigma the noise of the gyro's samples, T_s apart, averaged over
-the t seconds since the last reversal and some seconds after this one.
+the t seconds since the last reversal and some seconds after this one. Source: Chaloner and Verdinelli 1995, Bayesian
+experimental design: a review, Statistical Science 10, for the expected gain of a linear measurement.
 """
 
 from __future__ import annotations
@@ -198,7 +199,8 @@ class Choice:
         spread = told @ self._covariance[:, None] @ told.swapaxes(2, 3)
         a, b, c, d, e, f = (spread[:, :, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
         a, b, c = 1.0 + a, 1.0 + b, 1.0 + c
-        return np.log(a * (b * c - f * f) - d * (d * c - e * f) + e * (d * f - b * e)) / 6.0
+        det = a * (b * c - f * f) - d * (d * c - e * f) + e * (d * f - b * e)
+        return np.log(np.maximum(det, 1.0)) / 6.0  # rounding of what is observed may make it less than 1
 
     @cached_property
     def complete_gain(self) -> np.ndarray:

@@ -115,8 +115,10 @@ static double gain(const float *observation, const belief *seen, const double co
             }
         }
     }
-    return log(s[0][0] * (s[1][1] * s[2][2] - s[1][2] * s[1][2]) - s[0][1] * (s[0][1] * s[2][2] - s[0][2] * s[1][2]) +
-               s[0][2] * (s[0][1] * s[1][2] - s[1][1] * s[0][2])) / 6.0;
+    const double det = s[0][0] * (s[1][1] * s[2][2] - s[1][2] * s[1][2]) -
+                       s[0][1] * (s[0][1] * s[2][2] - s[0][2] * s[1][2]) +
+                       s[0][2] * (s[0][1] * s[1][2] - s[1][1] * s[0][2]);
+    return log(fmax(det, 1.0)) / 6.0; /* rounding of what is observed may make it less than 1 */
 }
 
 /* Largest shares of the wheels' momentum, and of the torque, that a corner takes along or about a body axis. */
