@@ -67,6 +67,15 @@ def test_a_turn_tells_as_much_as_a_measured_change_of_momentum_does(waited, whol
             np.testing.assert_allclose(gain, 0.5 * np.log(ratio) / 3.0, rtol=1e-9)
 
 
+def test_a_covariance_that_rounding_has_spoilt_tells_nothing_below_zero():
+    """Correlations of -1 among all pairs are of no covariance; what rounding makes is less far from one."""
+    asked = choice(np.random.default_rng(5), 3.0)
+    seen = {"state_uncertainty": np.zeros((1, 3)), "state_correlation": np.full((1, 18), -1.0)}
+    found = dataclasses.replace(asked, seen={**asked.seen, **seen}).gain()
+    assert np.isfinite(found).all()
+    assert (found >= 0.0).all()
+
+
 def test_load_and_fullness_are_those_of_euler_s_equation():
     """The torque that keeps a rate is omega x H; the wheels store what is left of H."""
     asked = choice(np.random.default_rng(6), 3.0)
