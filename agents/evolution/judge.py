@@ -15,7 +15,7 @@ from satid_gym.gym_api import COSTS
 from satid_gym.policy import missions
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-_FREE, _PRICE = 0.005, 20.0  # share of the time beyond a limit that costs nothing; log error by share beyond that
+_FREE = 0.005  # share of the time beyond a limit that costs nothing
 
 
 class Judge:
@@ -54,7 +54,7 @@ class Judge:
             cost += np.where(alive, np.max([info["costs"][name] for name in COSTS], axis=0), 1.0)
             alive &= ~terminated
         beyond = np.maximum(cost / world.decisions - _FREE, 0.0)
-        return float(np.mean(np.log(expected / world.decisions) + _PRICE * beyond))
+        return float(np.mean(np.log(expected / world.decisions) + self._settings.price * beyond))
 
 
 def relative_error(env: SatInertiaIDVectorEnv) -> np.ndarray:

@@ -44,6 +44,8 @@ class Evolution:
     """First weight of what a turn tells; that of the waits is 1, of all others 0."""
     step: float = 0.15
     """First standard deviation of the weights."""
+    price: float = 20.0
+    """Log of the error that each share of an episode beyond a limit costs, beyond the first 0.5 %."""
     margin: float = 3.5
     """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
     seed: int = 0
@@ -67,6 +69,7 @@ class Evolution:
         check_integer("population", self.population, low=4)
         check_integer("seed", self.seed, low=0)
         check_number("gain", self.gain)
+        check_number("price", self.price)
         check_number("step", self.step, strict=True)
 
     @property
