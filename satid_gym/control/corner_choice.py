@@ -1,4 +1,4 @@
-"""What is known when a corner of the rate envelope is chosen: of the turns there, the modes and the wheels.
+"""Situation in which a corner of the rate envelope is chosen: what turns there tell, the modes and the wheels.
 
 What a turn to a corner tells of the inertia is weighed by the covariance of its parameters as observed. The change v of
 the rate is measured about each axis with variance R, in units of the rate limit squared, and depends on theta by H:

@@ -1,4 +1,4 @@
-"""What the data sheets of satellites say that observations in the form "body" leave out."""
+"""Data sheets of satellites: what observations in the form "body" leave out of them."""
 
 from __future__ import annotations
 
