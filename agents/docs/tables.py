@@ -223,7 +223,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "unmodelled.md": {"unmodelled": worlds.unmodelled},
     "rates.md": {"rate loops": worlds.rate_loops, "lost wheels": worlds.lost_wheels, "four wheels": worlds.four_wheels},
-    "truth.md": {"basilisk": worlds.basilisk},
+    "truth.md": {"basilisk": worlds.basilisk, "tours": worlds.tours},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),
         "errors": compared(cell_error_tables),

@@ -79,6 +79,11 @@ def basilisk() -> str:
     return basilisk_table(_committed("basilisk", "basilisk", "cells", folder="studies"))
 
 
+def tours() -> str:
+    """The same of the learned policies that choose corners, by body rates."""
+    return basilisk_table(_committed("basilisk_tours", "basilisk", "cells", folder="studies"))
+
+
 def unmodelled_table(results: Mapping[str, Any]) -> str:
     """NEES, final error and alarms, means over satellites and inertia modes, by world and policy."""
     cells: Sequence[Cell] = results["cells"]
