@@ -24,6 +24,7 @@ from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, read_json, write_json
 from satid_gym.policies import find, make_baseline, names
+from satid_gym.policies.shipped import rate_names
 from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite
@@ -100,7 +101,7 @@ def _satellite(world: World) -> Satellite:
 
 
 def _policy(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
-    if name in names():
+    if name in (*names(), *rate_names()):
         return find(name)
     return make_baseline(name, satellite.name) if name == "shaped_square" else policy_for(name, satellite, scenario)
 
