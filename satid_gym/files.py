@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+_NUMBERS = re.compile(r"\[\n([-+.\deE,\s]+)\]")  # a list of numbers, each on a line of its own
 PART = ".part"  # ending of the name of a file that is still being written
 
 
@@ -74,8 +76,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, values: Any) -> None:
-    """Write JSON atomically; NaN and infinity are errors, because other languages cannot read them."""
-    write_text(path, json.dumps(values, indent=1, allow_nan=False) + "\n")
+    """Write JSON atomically, a list of numbers on one line; NaN and infinity are errors: other languages have none."""
+    text = json.dumps(values, indent=1, allow_nan=False)
+    write_text(path, _NUMBERS.sub(lambda numbers: f"[{' '.join(numbers[1].split())}]", text) + "\n")
 
 
 def read_json(path: Path, remedy: str, *, keys: Iterable[str] = ()) -> dict[str, Any]:

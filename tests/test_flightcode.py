@@ -19,7 +19,7 @@ from satid_gym.flightcode.policy_source import template
 from satid_gym.flightcode.translator import Translator
 from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.flightcode.writer import texts, write
-from satid_gym.policies import build
+from satid_gym.policies import build, find
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
 from satid_gym.policies.rate_square import RateSquarePolicy
@@ -246,6 +246,8 @@ def test_the_same_pilot_gives_the_same_bytes_and_no_static_data(tmp_path, capsys
 
 def test_what_has_no_c_is_refused_in_one_line(tmp_path, capsys):
     assert main(["export", "--policy", "mpc", "--output", str(tmp_path)]) == 2
+    with pytest.raises(ValueError, match=r"tank_tour cannot be written in C for microsat.* 1 layers.*peak_kept"):
+        texts(Pilot("microsat", find("tank_tour"), control="rate"))
     assert capsys.readouterr().err.startswith("error: policy mpc has no C: give a learned policy, rate_square")
 
 

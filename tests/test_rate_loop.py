@@ -138,4 +138,5 @@ def test_noise_drives_no_axis_out_of_the_envelope_while_others_turn(policy):
     pilot = build(policy, {"period": 9.0, "margin": 3.5}) if policy == "rate_square" else find(policy)
     those = seeds("validation", 8)
     scores = fly(pilot, satellite=slow, inertia="static", seeds=those, control="rate").scores()
+    print(f"{policy}: outside {scores['outside_fraction'].mean():.3%}")
     assert scores["outside_fraction"].mean() <= 0.005

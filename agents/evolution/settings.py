@@ -44,7 +44,7 @@ class Evolution:
     """First weight of what a turn tells; that of the waits is 1, of all others 0."""
     step: float = 0.15
     """First standard deviation of the weights."""
-    price: float = 20.0
+    price: float = 5.0
     """Log of the error that each share of an episode beyond a limit costs, beyond the first 0.5 %."""
     margin: float = 3.5
     """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
@@ -91,7 +91,7 @@ class Evolution:
     @property
     def features(self) -> tuple[str, ...]:
         """What the score takes: without modes, where there are none."""
-        return RIGID if self.scenario == "default" else tuple(FEATURES)
+        return RIGID if SCENARIOS[self.scenario].appendages is None else tuple(FEATURES)
 
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""

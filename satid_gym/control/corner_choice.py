@@ -13,7 +13,7 @@ experimental design: a review, Statistical Science 10, for the expected gain of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,14 @@ HOLD = 7.0  # s
 _SLOWEST = 1e-3  # w T
 EARLY = 10.0  # s
 LATE = 30.0  # s
+
+
+@cache
+def _correlations_of_theta(p: int, others: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where `state_correlation` has those of the inertia parameters, and which two parameters each is of."""
+    found = [(i, r - 3, c - 3) for i, (r, c) in enumerate(state_pairs(p, others)) if r >= 3 and c < 3 + p]
+    places, rows, columns = np.array(found).T
+    return places, rows, columns
 
 
 class NearestMode(NamedTuple):
@@ -164,15 +172,15 @@ class Choice:
 
     @cached_property
     def _sensitivity(self) -> np.ndarray:
-        """(N, 3, 3, p) [i, j, k]: of the rate's change about axis i by that about j times theta_k, over sqrt(R)."""
+        """(N, 3, 3 p) [j, (i, k)]: of the rate's change about axis i by that about j times theta_k, over sqrt(R)."""
         moments = inertia_parameters(self.craft.inertia, "principal")
         noise = self.craft.noise * (1.0 / self.waited.min(axis=1) + 1.0 / HOLD)
         size = np.sqrt(moments[:, None] / moments[:, :, None] / noise[:, None, None])
         p = self.seen["uncertainty"].shape[1]
         by = np.zeros((len(size), 3, 3, p))
         for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), *PRODUCTS][:p]):
-            by[:, i, j, k], by[:, j, i, k] = size[:, i, j], size[:, j, i]
-        return by
+            by[:, j, i, k], by[:, i, j, k] = size[:, i, j], size[:, j, i]
+        return by.reshape(len(size), 3, 3 * p)
 
     @cached_property
     def _covariance(self) -> np.ndarray:
@@ -182,10 +190,9 @@ class Choice:
         correlation = np.tile(np.eye(p), (count, 1, 1))
         if "state_correlation" in self.seen:
             others = self.seen["state_uncertainty"].shape[1]
-            for place, (r, c) in enumerate(state_pairs(p, others)):
-                if r >= 3 and c < 3 + p:
-                    value = self.seen["state_correlation"][:, place]
-                    correlation[:, r - 3, c - 3] = correlation[:, c - 3, r - 3] = value
+            places, rows, columns = _correlations_of_theta(p, others)
+            value = self.seen["state_correlation"][:, places]
+            correlation[:, rows, columns] = correlation[:, columns, rows] = value
         return correlation * std[:, :, None] * std[:, None]
 
     def gain(self, decisions: float = np.inf) -> np.ndarray:
@@ -195,7 +202,7 @@ class Choice:
             most = decisions * self.seen["control_authority"][:, None]
             turn = np.clip(turn, -most, most)
         count, p = self.seen["uncertainty"].shape
-        told = (turn @ self._sensitivity.transpose(0, 2, 1, 3).reshape(count, 3, 3 * p)).reshape(count, -1, 3, p)
+        told = (turn @ self._sensitivity).reshape(count, -1, 3, p)
         spread = told @ self._covariance[:, None] @ told.swapaxes(2, 3)
         a, b, c, d, e, f = (spread[:, :, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
         a, b, c = 1.0 + a, 1.0 + b, 1.0 + c
@@ -206,6 +213,11 @@ class Choice:
     def complete_gain(self) -> np.ndarray:
         """(N, 8) `gain` of a complete turn."""
         return self.gain()
+
+    @cached_property
+    def next_gain(self) -> np.ndarray:
+        """(N, 8) `gain` of what is turned in one decision."""
+        return self.gain(1.0)
 
     @cached_property
     def _tensor(self) -> np.ndarray:

@@ -43,12 +43,12 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "any_frequency": lambda c: c.some * c.mode.frequency,
     "any_deflection": lambda c: c.some * np.abs(c.mode.deflection),
     "gain": lambda c: c.complete_gain,  # of a complete turn, see above
-    "gain_1": lambda c: c.gain(1.0),  # of what is turned in one decision
+    "gain_1": lambda c: c.next_gain,  # of what is turned in one decision
     "gain_3": lambda c: c.gain(3.0),
     "gain_10": lambda c: c.gain(10.0),
     "gain_uncertainty": lambda c: c.complete_gain * c.uncertainty,
     "gain_early": lambda c: c.complete_gain * c.early,
-    "gain_1_early": lambda c: c.gain(1.0) * c.early,
+    "gain_1_early": lambda c: c.next_gain * c.early,
     "underway": lambda c: np.tanh((np.abs(c.turn) / c.seen["control_authority"][:, None]).max(axis=2) / 4.0),
     "fullness": lambda c: c.fullness,
     "fullness_beyond": lambda c: 3.0 * np.maximum(c.fullness - 0.7, 0.0),

@@ -161,9 +161,9 @@ def _tour(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
     unknown = sorted(set(policy.corner_features) - set(RIGID))
     if satellite.modes or unknown or len(weights) > 1:
         raise ValueError(
-            f"policy {policy.name} has no C here: a score of corners has it for satellites without panels and tanks, "
-            f"and as a sum of features that need neither; got {len(satellite.modes)} modes, {len(weights)} layers and "
-            f"the features {', '.join(unknown) or 'of rigid satellites'}"
+            f"policy {policy.name} cannot be written in C for {satellite.name}: a score of corners can for satellites "
+            f"without panels and tanks, as a network of one layer whose features need neither; this has "
+            f"{len(satellite.modes)} modes, {len(weights)} layers, and of such features {', '.join(unknown) or 'none'}"
         )
     craft = Craft.of([pilot.mission])
     scored = zip(policy.corner_features, weights[0][0], strict=True)
