@@ -39,7 +39,7 @@ def test_shares_are_the_nearest_to_one_that_the_wheels_allow(wheels):
         allocation, inertia = np.linalg.pinv(axes), tensor(rng)
         target, bias = rng.uniform(-1.0, 1.0, 3), rng.uniform(-0.3, 0.3, wheels)
         limit = rng.uniform(0.35, 0.9, wheels)
-        found = np.array(within_reach(tuple(target), packed(inertia), allocation, bias, limit, np.empty(wheels)))
+        found = np.array(within_reach(tuple(target), packed(inertia), allocation, bias, limit))
         rows = allocation @ inertia @ np.diag(target)
         constraint = scipy.optimize.LinearConstraint(rows, -limit - bias, limit - bias)
         best = scipy.optimize.minimize(
@@ -53,20 +53,19 @@ def test_shares_are_the_nearest_to_one_that_the_wheels_allow(wheels):
         further.append(np.linalg.norm(1.0 - share) - np.linalg.norm(1.0 - best))
         bound += (best < 1.0 - 1e-6).any()
     assert bound > 20
-    assert np.quantile(further, 0.9) < 1e-3  # the rest has not settled after the last sweep: allowed, and less far
-    assert max(further) < 0.4
+    assert max(further) < 1e-6
 
 
 def test_aligned_wheels_are_cut_one_by_one():
     """Nothing couples the axes: each goes as far as its own wheel can, whatever the others do."""
-    found = within_reach((0.5, -2.0, 1.0), UNIT, np.eye(3), np.array([0.0, 0.5, 0.0]), np.full(3, 0.8), np.empty(3))
+    found = within_reach((0.5, -2.0, 1.0), UNIT, np.eye(3), np.array([0.0, 0.5, 0.0]), np.full(3, 0.8))
     np.testing.assert_allclose(found, [0.5, -1.3, 0.8], atol=1e-9)
 
 
 def test_a_small_correction_is_not_given_up_for_a_large_slew():
     """y and z ask for more than tilted wheels have; x, a hundredth of that, still gets nearly all of its way."""
     found = np.array(
-        within_reach((0.02, 2.0, 2.0), UNIT, np.linalg.inv(TILT), np.zeros(3), np.full(3, 1.0), np.empty(3))
+        within_reach((0.02, 2.0, 2.0), UNIT, np.linalg.inv(TILT), np.zeros(3), np.full(3, 1.0))
     )
     assert found[0] > 0.98 * 0.02
     assert 0.1 < found[1] / 2.0 < 0.9
@@ -74,7 +73,7 @@ def test_a_small_correction_is_not_given_up_for_a_large_slew():
 
 
 def test_a_wheel_that_the_drift_alone_takes_beyond_its_limit_leaves_the_rest_of_the_way_at_nothing():
-    found = within_reach((1.0, 1.0, 1.0), UNIT, np.eye(3), np.array([1.2, 0.0, 0.0]), np.ones(3), np.empty(3))
+    found = within_reach((1.0, 1.0, 1.0), UNIT, np.eye(3), np.array([1.2, 0.0, 0.0]), np.ones(3))
     np.testing.assert_allclose(found, [0.0, 1.0, 1.0], atol=1e-9)
 
 
@@ -87,7 +86,7 @@ def test_the_reference_is_met_exactly_where_torque_suffices():
     free = (packed(inertia), packed(np.linalg.inv(inertia)))
     wheels = (np.eye(3), np.eye(3), np.full(3, 10.0))
     torque = np.empty(3)
-    end = np.array(reach(omega, wanted, state, free, wheels, 1.0, torque, np.empty(3)))
+    end = np.array(reach(omega, wanted, state, free, wheels, 1.0, torque))
     np.testing.assert_allclose(end, wanted, atol=1e-15)
     drift = np.cross(state[0], (np.array(omega) + wanted) / 2.0) + state[1]
     np.testing.assert_allclose(inertia @ (np.array(wanted) - omega), drift - torque, atol=1e-12)

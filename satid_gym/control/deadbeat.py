@@ -17,7 +17,7 @@ from satid_gym.core.wheels import sum_wheels
 
 
 @inline
-def reach(omega, reference, state, inertia, wheels, period, torque, scratch):
+def reach(omega, reference, state, inertia, wheels, period, torque):
     """Rate at the end of a decision, rad/s; the motor torque (n,) that takes the body there is left in `torque`, N m.
 
     Args:
@@ -26,7 +26,6 @@ def reach(omega, reference, state, inertia, wheels, period, torque, scratch):
         inertia: J - A j A^T, kg m^2, and its inverse.
         wheels: axes (3, n), allocation (n, 3) and torque limits (n,), N m.
         period: of the decision, s.
-        scratch: (n,).
     """
     momentum, tau = state
     free, free_inverse = inertia
@@ -37,7 +36,7 @@ def reach(omega, reference, state, inertia, wheels, period, torque, scratch):
         drift = add(tau, cross(momentum, middle))
         for k in range(torque.shape[0]):
             torque[k] = allocate(allocation, drift, k)
-        slew = multiply(scaled, within_reach(way, scaled, allocation, torque, limit, scratch))
+        slew = multiply(scaled, within_reach(way, scaled, allocation, torque, limit))
         for k in range(torque.shape[0]):
             torque[k] = min(max(torque[k] + allocate(allocation, slew, k), -limit[k]), limit[k])
         change = multiply(free_inverse, subtract(drift, sum_wheels(axes, torque)))

@@ -93,7 +93,7 @@ class Trail(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch space: that of the filter (1,), of two values a wheel (2, n), and of a rate (3,)."""
+    """Scratch space: that of the filter (1,), of a value for each wheel (n,), and of a rate (3,)."""
 
     work: np.ndarray
     wheel: np.ndarray
@@ -119,11 +119,11 @@ def _follow_command(belief, inertia, free, omega, wanted, world, wheel):
     momentum, tau = load(belief.mean), load(belief.mean[3 + belief.prior_theta.shape[0] :])
     stored = subtract(momentum, multiply(inertia, omega))
     for k in range(allocation.shape[0]):
-        wheel[0, k] = allocate(allocation, stored, k)
+        wheel[k] = allocate(allocation, stored, k)
     wheels = (belief.axes, allocation, world.max_spin)
-    wanted = storable(wanted, momentum, inertia, wheels, wheel[0], wheel[1])
+    wanted = storable(wanted, momentum, inertia, wheels, wheel)
     wheels = (belief.axes, allocation, world.max_torque)
-    return reach(omega, wanted, (momentum, tau), free, wheels, period, wheel[0], wheel[1])
+    return reach(omega, wanted, (momentum, tau), free, wheels, period, wheel)
 
 
 @inline
@@ -154,7 +154,7 @@ def fly_plan(trail, scratch, cap, plan, first, world, counting, error_max):
         change = subtract(end, omega)
         for s in range(steps):
             now = axpy((s + 1.0) / steps, change, omega)
-            _turn(belief, work, world.allocation, inertia, now, world.step, scratch.wheel[0], scratch.rate)
+            _turn(belief, work, world.allocation, inertia, now, world.step, scratch.wheel, scratch.rate)
             if counting:
                 gained += uncertainty_nats(belief, work, _LOGDET)
             momentum_filter.condition(belief, work, scratch.rate)
@@ -173,7 +173,7 @@ def fly_plan(trail, scratch, cap, plan, first, world, counting, error_max):
 @kernel
 def follow(first, beliefs, seen, world, scratch):
     """Bring the covariances of beliefs (N,) to the present: `Observed`; the first time they start there."""
-    wheel, rate, work = scratch.wheel[0], scratch.rate, scratch.work[0]
+    wheel, rate, work = scratch.wheel, scratch.rate, scratch.work[0]
     for i in range(beliefs.shape[0]):
         belief = beliefs[i]
         if first:

@@ -83,7 +83,7 @@ class Planner:
             step=step,
             steps=steps,
         )
-        self._scratch = Scratch(new_work(self.beliefs), np.empty((2, prior.wheels.count)), np.empty(3))
+        self._scratch = Scratch(new_work(self.beliefs), np.empty(prior.wheels.count), np.empty(3))
         self._before: Belief | None = None
 
     def observe(self, observation: np.ndarray) -> Belief:

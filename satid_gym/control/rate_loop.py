@@ -136,7 +136,7 @@ def _reference(command, omega, inertia, inertia_std, limits, axes, margin):
 def drive_many(beliefs, commands, constants, margin, period, actions):
     """See `RateLoop`: a `Belief` and commands (N, 3), `PlantConstants` of N satellites or one, actions (N, n)."""
     n, all_axes, max_torque = actions.shape[1], constants.axes, constants.max_torque
-    wheel, scratch, room = np.empty(n), np.empty(n), np.empty(n)
+    wheel, room = np.empty(n), np.empty(n)
     for i in range(actions.shape[0]):
         r = min(i, max_torque.shape[0] - 1)
         axes, allocation, impulse_std = all_axes[r], constants.allocation[r], constants.impulse_std[r]
@@ -149,10 +149,10 @@ def drive_many(beliefs, commands, constants, margin, period, actions):
         for k in range(n):
             wheel[k] = beliefs.wheel_momentum[i, k]
             room[k] = max(constants.max_spin[r, k] - margin * impulse_std[k], 0.0)
-        wanted = storable(wanted, momentum, inertia, (axes, allocation, room), wheel, scratch)
+        wanted = storable(wanted, momentum, inertia, (axes, allocation, room), wheel)
         J_free = axpy_symmetric(-1.0, load_symmetric(constants.rotor_inertia[r]), inertia)
         state = (momentum, load(beliefs.disturbance[i]))
         wheels = (axes, allocation, max_torque[r])
-        reach(omega, wanted, state, (J_free, inverse(J_free)), wheels, period, wheel, scratch)
+        reach(omega, wanted, state, (J_free, inverse(J_free)), wheels, period, wheel)
         for k in range(n):
             actions[i, k] = wheel[k] / max_torque[r, k]

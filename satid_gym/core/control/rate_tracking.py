@@ -73,7 +73,7 @@ def tracking_dtype(n: int) -> np.dtype:
             ("eased", FLOAT, 3),  # omega_ref of the last sample where it has a slope, rad/s
             ("motors", motors_dtype(n)),
             ("null", null_dtype(n)),
-            ("scratch", FLOAT, (2, n)),
+            ("scratch", FLOAT, n),
         ],
         align=True,
     )
@@ -116,12 +116,12 @@ def _even_out(s, axes, momentum, torque):
         bias, time = choose(s.null, s.allocation, s.spin_max, momentum), _AWAY
     for k in range(torque.shape[0]):
         wanted = allocate(s.allocation, total, k) + bias * s.null.direction[k]
-        s.scratch[0, k] = (wanted - s.motors.spin[k]) / time
-        wanted = torque[k] + s.scratch[0, k]
+        s.scratch[k] = (wanted - s.motors.spin[k]) / time
+        wanted = torque[k] + s.scratch[k]
         if abs(wanted) > limit[k]:
-            left = min(left, max(limit[k] - abs(torque[k]), 0.0) / abs(s.scratch[0, k]))
+            left = min(left, max(limit[k] - abs(torque[k]), 0.0) / abs(s.scratch[k]))
     for k in range(torque.shape[0]):
-        torque[k] += left * s.scratch[0, k]
+        torque[k] += left * s.scratch[k]
 
 
 @inline
@@ -151,11 +151,11 @@ def _held(omega, edge):
 
 
 @inline
-def _left(error, held):
-    """What is left of an error beyond what is held; nothing of less, or of what leads out."""
+def _left(error, held, given):
+    """What is left of an error once a part of what is to be held is given; nothing of less, or of what leads out."""
     if held == 0.0:
         return error
-    return max(error - held, 0.0) if held > 0.0 else min(error - held, 0.0)
+    return max(error - given, 0.0) if held > 0.0 else min(error - given, 0.0)
 
 
 @inline
@@ -175,14 +175,14 @@ def track(task, belief, gyro, tachometer, dt, torque):
     momentum, tau = filters.momentum_and_torque(belief)
     motors.observe(task, belief, tachometer, omega, dt)
     for k in range(n):
-        s.scratch[1, k] = belief.wheel_inertia[k] * s.motors.speed[k]
+        s.scratch[k] = belief.wheel_inertia[k] * s.motors.speed[k]
     weakest = _share_by_gain(s, axes, limit)
     reference = load(s.reference)
     if n == 3 and s.motors.gain[weakest] < LOST:
         state = (omega, momentum, inertia)
         reference = spare(reference, _lost_axis(s, weakest), state, task.rate_limit)
     wheels = (axes, s.allocation, s.spin_max)
-    wanted = storable(_ease(s, reference, dt), momentum, inertia, wheels, s.scratch[1], s.scratch[0])
+    wanted = storable(_ease(s, reference, dt), momentum, inertia, wheels, s.scratch)
     free = axpy_symmetric(-1.0, load_symmetric(s.rotor_inertia), inertia)
     scaled = scale_symmetric(-s.bandwidth, free)
     drift = add(tau, cross(momentum, omega))
@@ -192,10 +192,11 @@ def track(task, belief, gyro, tachometer, dt, torque):
     held = _held(omega, _EDGE * task.rate_limit)
     beyond = held[0] != 0.0 or held[1] != 0.0 or held[2] != 0.0
     if beyond and not fits(multiply(scaled, error), s.sharing, torque, s.reach):
-        held = within_reach(held, scaled, s.sharing, torque, s.reach, s.scratch[0])
-        _add(s, multiply(scaled, held), torque)
-        error = (_left(error[0], held[0]), _left(error[1], held[1]), _left(error[2], held[2]))
-    _add(s, multiply(scaled, within_reach(error, scaled, s.sharing, torque, s.reach, s.scratch[0])), torque)
+        given = within_reach(held, scaled, s.sharing, torque, s.reach)
+        _add(s, multiply(scaled, given), torque)
+        x, y, z = held
+        error = (_left(error[0], x, given[0]), _left(error[1], y, given[1]), _left(error[2], z, given[2]))
+    _add(s, multiply(scaled, within_reach(error, scaled, s.sharing, torque, s.reach)), torque)
     for k in range(n):
         torque[k] = min(max(torque[k], -s.reach[k]), s.reach[k])
     if n > 3 and s.motors.gain[weakest] > _HEALTHY:
