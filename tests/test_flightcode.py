@@ -60,7 +60,7 @@ def toured(kind):
     if kind == "corners_rate":  # or a lost reading leads to other reversals than those of the flight that is replayed
         weights[0, RIGID.index("waited")] = 10.0
     network = Network((weights,), (np.zeros(1, np.float32),))
-    given = {"observation": "body", "include_covariance": kind != "corners_rate"}
+    given = {"observation": "body", "include_covariance": kind != "corners_rate", "include_walk": True}
     return LearnedPolicy("toured", network, "rate", 3.5, **given, corner_features=RIGID)
 
 

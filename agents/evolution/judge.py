@@ -12,7 +12,7 @@ from baselines.scenarios.flights import expected_error
 from satid_gym.control.corners import CornerTour
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS
-from satid_gym.policy import missions
+from satid_gym.policy import missions, observation_settings
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 _FREE = 0.005  # share of the time beyond a limit that costs nothing
@@ -28,9 +28,8 @@ class Judge:
             "random",
             settings.scenario,
             control="rate",
-            observation="body",
-            include_covariance=True,
             num_threads=1,
+            **observation_settings(settings.policy(np.zeros(len(settings.features)))),
         )
         self._tour = CornerTour(missions(self._env.problem), settings.margin, features=settings.features)
         self._expected = relative_error if settings.is_drawn else expected_error

@@ -113,6 +113,11 @@ class Choice:
         return self.seen["uncertainty"][:, :3] - self.uncertainty
 
     @cached_property
+    def walk(self) -> np.ndarray:
+        """(N, 1) observed random walk of the inertia, which says how soon what is known of it is out of date."""
+        return self.seen["inertia_walk"]
+
+    @cached_property
     def gone(self) -> np.ndarray:
         """(N, 1) share of the flight that is over."""
         return 1.0 - self.seen["time_left"]

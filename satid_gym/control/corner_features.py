@@ -16,6 +16,7 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "waited": lambda c: c.own,  # the law by waits: of axes that reverse, waits over the hold, -1 each that is too early
     "waited_slews": lambda c: c.sum_of(np.where(c.slewed >= SLEWS, c.slewed / SLEWS, -1.0)),  # over what slews take
     "waited_early": lambda c: c.own * c.early,
+    "waited_walk": lambda c: c.own * c.walk,
     "reversals": lambda c: c.count,
     "reversals_2s": lambda c: c.sum_of(np.exp(-c.waited / 2.0)),
     "reversals_4s": lambda c: c.sum_of(np.tanh(c.waited / 4.0)),
@@ -25,6 +26,7 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "reversals_elapsed": lambda c: c.count * c.gone,
     "reversals_early": lambda c: c.count * c.early,
     "reversals_late": lambda c: c.count * c.late,
+    "reversals_walk": lambda c: c.count * c.walk,
     "reversals_slew": lambda c: c.count * c.slew,
     "reversals_slewed": lambda c: c.sum_of(np.tanh(c.slewed)),
     "reversals_frequency": lambda c: c.count * c.mode.frequency,
@@ -38,6 +40,7 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "any_elapsed": lambda c: c.some * c.gone,
     "any_early": lambda c: c.some * c.early,
     "any_late": lambda c: c.some * c.late,
+    "any_walk": lambda c: c.some * c.walk,
     "any_slew": lambda c: c.some * c.slew,
     "any_nis": lambda c: c.some * c.seen["nis"],
     "any_frequency": lambda c: c.some * c.mode.frequency,
@@ -49,6 +52,8 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "gain_uncertainty": lambda c: c.complete_gain * c.uncertainty,
     "gain_early": lambda c: c.complete_gain * c.early,
     "gain_1_early": lambda c: c.next_gain * c.early,
+    "gain_walk": lambda c: c.complete_gain * c.walk,
+    "gain_1_walk": lambda c: c.next_gain * c.walk,
     "underway": lambda c: np.tanh((np.abs(c.turn) / c.seen["control_authority"][:, None]).max(axis=2) / 4.0),
     "fullness": lambda c: c.fullness,
     "fullness_beyond": lambda c: 3.0 * np.maximum(c.fullness - 0.7, 0.0),
@@ -67,6 +72,11 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
 _OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive")
 RIGID = tuple(name for name in FEATURES if not any(part in name for part in _OF_MODES))
 """Those that a satellite without panels and tanks has."""
+
+
+def need_walk(names: Sequence[str]) -> bool:
+    """Whether one of the features takes the filter's random walk of the inertia, as observed with `include_walk`."""
+    return any("walk" in name for name in names)
 
 
 def check_features(names: Sequence[str]) -> tuple[str, ...]:

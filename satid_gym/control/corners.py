@@ -16,7 +16,7 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corner_choice import HOLD, Choice
-from satid_gym.control.corner_features import FEATURES
+from satid_gym.control.corner_features import FEATURES, need_walk
 from satid_gym.control.craft import Craft
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
@@ -26,7 +26,7 @@ _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
-_WHOLE = ("state_uncertainty", "state_correlation")  # where the whole covariance is observed
+_MORE = ("state_uncertainty", "state_correlation", "inertia_walk")  # where they are observed
 Score = Callable[[np.ndarray], np.ndarray]
 """Scores (N, 8) of corners by their features (N, 8, features)."""
 
@@ -42,7 +42,8 @@ class CornerTour:
         features: that a score takes, by name.
 
     Raises:
-        ValueError: a number is out of range, the environment takes torques, or modes are not observed.
+        ValueError: a number is out of range, the environment takes torques, or modes, or the walk that features take,
+            are not observed.
     """
 
     def __init__(
@@ -58,7 +59,12 @@ class CornerTour:
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
-        self._seen = [name for name in (*_SEEN, *_WHOLE) if name in self._layout]
+        if need_walk(features) and "inertia_walk" not in self._layout:
+            raise ValueError(
+                "features of the inertia's walk are chosen but it is not observed: make the environment, or the policy, "
+                "with include_walk=True"
+            )
+        self._seen = [name for name in (*_SEEN, *_MORE) if name in self._layout]
         self._all_crafts = Craft.of(missions)
         self._craft = self._all_crafts.take(np.zeros(1, int))
         self.begin(0)

@@ -18,11 +18,11 @@ typedef struct {
 } belief;
 
 typedef struct {
-    double waited, waited_slews, waited_early, reversals, reversals_2s, reversals_4s, reversals_12s, reversals_squared,
-        reversals_uncertainty, reversals_elapsed, reversals_early, reversals_late, reversals_slew, reversals_slewed,
-        unknown, unknown_12s, any, any_uncertainty, any_elapsed, any_early, any_late, any_slew, any_nis, gain, gain_1,
-        gain_3, gain_10, gain_uncertainty, gain_early, gain_1_early, underway, fullness, fullness_beyond, load,
-        load_beyond;
+    double waited, waited_slews, waited_early, waited_walk, reversals, reversals_2s, reversals_4s, reversals_12s, reversals_squared,
+        reversals_uncertainty, reversals_elapsed, reversals_early, reversals_late, reversals_walk, reversals_slew,
+        reversals_slewed, unknown, unknown_12s, any, any_uncertainty, any_elapsed, any_early, any_late, any_walk, any_slew, any_nis, gain,
+        gain_1, gain_3, gain_10, gain_uncertainty, gain_early, gain_1_early, gain_walk, gain_1_walk, underway, fullness,
+        fullness_beyond, load, load_beyond;
 } corner_features;
 
 static void axes_of(int k, int *i, int *j)
@@ -196,6 +196,14 @@ static double score(const float *observation, const belief *seen, const satid_po
     f.gain_early = f.gain * seen->early;
     f.gain_1_early = f.gain_1 * seen->early;
     f.underway = tanh(slowest / 4.0);
+#ifdef SATID_AT_INERTIA_WALK
+    const double walk = (double)observation[SATID_AT_INERTIA_WALK];
+    f.waited_walk = f.waited * walk;
+    f.reversals_walk = f.reversals * walk;
+    f.any_walk = f.any * walk;
+    f.gain_walk = f.gain * walk;
+    f.gain_1_walk = f.gain_1 * walk;
+#endif
     wheels(observation, seen, corner, &f);
 #define ADD(feature, weight) total += (double)weight * f.feature;
     SCORE(ADD)
