@@ -56,7 +56,8 @@ class MomentumEKFSettings(EstimatorSettings):
             does to the tensor; see `satid_gym.core.belief.announcement`.
         inflate: whether it inflates its covariance and the readings' noise while its innovations are larger or more
             coloured than those of a consistent filter, see `satid_gym.core.belief.whiteness`. Without, info's
-            `unmodelled` says so and nothing else changes.
+            `unmodelled` says so and nothing else changes. None: where it estimates modes, of which a frequency far
+            from the data sheet's may lead it astray in the first seconds.
 
     Raises:
         ValueError: a value is out of range, or with adaptation a walk is more than inertia_walk_max.
@@ -78,7 +79,7 @@ class MomentumEKFSettings(EstimatorSettings):
     rate_coordinates: bool | None = None
     gate: float = 0.0
     announced: bool = True
-    inflate: bool = False
+    inflate: bool | None = None
 
     def __post_init__(self) -> None:
         if self.inertia_walk is None:
@@ -186,7 +187,8 @@ class MomentumEKFSettings(EstimatorSettings):
         if self.calibration_states(prior) > 0:
             write_calibration(row, prior, first, self.calibrate)
         write_alignment(row, prior)
-        row["is_told"], row["whiteness"]["inflate"] = self.announced, self.inflate
+        row["is_told"] = self.announced
+        row["whiteness"]["inflate"] = modes > 0 if self.inflate is None else self.inflate
         known = row["calibration"]["states"] > 0 or modes > 0 or row["attitude"]["on"]
         row["rate_coordinates"] = known or self.updates_rate(prior)
 
