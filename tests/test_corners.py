@@ -17,7 +17,7 @@ from satid_gym.control.corner_features import FEATURES
 from satid_gym.control.corners import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.estimators.inertia import inertia_tensors
-from satid_gym.evaluation import seeds
+from satid_gym.evaluation import fly, seeds
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
 from satid_gym.policies.registry import build
@@ -144,6 +144,21 @@ def test_a_network_that_does_not_fit_corners_is_refused():
         scored("waited", "waited")
     with pytest.raises(ValueError, match="wated"):
         scored("wated")
+    with pytest.raises(ValueError, match="include_walk=True"):
+        fly(scored("waited", "any_walk"), satellite="microsat", inertia="static", seeds=[0], control="rate")
+
+
+def test_the_walk_of_the_inertia_decides_where_it_alone_scores():
+    """Observed walks are logarithms; below 0 a reversal is worth less than none, above it more."""
+    env = SatInertiaIDVectorEnv(2, "microsat", "static", control="rate", observation="body", include_walk=True)
+    observation, _ = env.reset(seed=seeds("validation", 2))
+    observation[:, env.problem.layout["inertia_walk"]] = [[-1.0], [1.0]]
+    tour = CornerTour([only_mission(env.problem)], 3.5, features=("any_walk",))
+    tour.begin(2)
+    stays, reverses = tour(observation, scored("any_walk", include_walk=True).score)
+    assert (stays > 0.0).all()
+    assert (reverses < 0.0).any()
+    env.close()
 
 
 SMALL = Evolution(satellites=("microsat",), generations=3, population=4, episodes=2, validation=1)

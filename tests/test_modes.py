@@ -154,6 +154,25 @@ def test_it_is_consistent_where_the_data_sheet_tells_of_the_mode(oscillator, unt
     assert nees(flexible=False, parameters="full") > untold
 
 
+@pytest.mark.compiled
+def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray():
+    """The rarest of a hundred episodes: three standard deviations off, which a filter that does not inflate mistakes."""
+
+    def nees(**settings):
+        flight = fly(
+            make_baseline("rate_square", "microsat"),
+            satellite=satellite(PANELS),
+            inertia="static",
+            scenario="default",
+            seeds=seeds("validation", 1, offset=50),
+            estimator={"name": "adaptive", **settings},
+        )
+        return flight.scores()["nees"][0]
+
+    assert nees() < 2.0
+    assert nees(inflate=False) > 20.0
+
+
 def test_the_smoother_refuses_modes():
     body = satellite(PANELS)
     with pytest.raises(ValueError, match=r"smooths no modes: .*flexible=False"):
