@@ -222,7 +222,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "consistency": lambda: consistency(tracker_table, "star_tracker"),
     },
     "unmodelled.md": {"unmodelled": worlds.unmodelled},
-    "rates.md": {"rate loops": worlds.rate_loops, "lost wheels": worlds.lost_wheels, "four wheels": worlds.four_wheels},
+    "rates.md": {"rate loops": worlds.rate_loops, "four wheels": worlds.four_wheels},
     "truth.md": {"basilisk": worlds.basilisk, "tours": worlds.tours},
     "notes/every_cell.md": {
         "standing": compared(standing_tables),

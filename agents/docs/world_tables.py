@@ -38,11 +38,6 @@ def rate_loops() -> str:
     return rate_loops_table(_committed("rate_loops", "rate_loops", "cells"))
 
 
-def lost_wheels() -> str:
-    """The environment's rate loop where wheels fail, and in worlds that might be taken for it."""
-    return rate_loops_table(_committed("rate_loops_lost", "rate_loops", "cells"))
-
-
 def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
     return "\n\n".join(
