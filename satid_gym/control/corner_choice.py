@@ -26,8 +26,7 @@ from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 
 HOLD = 7.0  # s
 _SLOWEST = 1e-3  # w T
-EARLY = 10.0  # s
-LATE = 30.0  # s
+EARLY, LATE = 10.0, 30.0  # s
 
 
 @cache
@@ -114,7 +113,7 @@ class Choice:
 
     @cached_property
     def walk(self) -> np.ndarray:
-        """(N, 1) observed random walk of the inertia, which says how soon what is known of it is out of date."""
+        """(N, 1) observed random walk of the inertia."""
         return self.seen["inertia_walk"]
 
     @cached_property

@@ -21,6 +21,10 @@ over its largest so far, what was learned before was learned from the same readi
 with S diagonal: the prior variances of theta, of the disturbance torque, of the modes' frequency, size and damping and
 of the errors of sensors and wheels, each at least the variance it has; infinite for M and for the modes' motion, which
 the next readings tell again. So each state grows by itself, at most to its prior.
+Where modes are estimated, an alarm in the first _EARLY readings comes from a frequency, coupling or inertia that was
+known too poorly for derivatives to hold, not from what is left out. So there g is 4 times the square of the excess, F
+stays 1, and the figures begin anew: the filter restarts from where it is, at most _RESTARTS times.
+
 F falls with R, and is watched for that however little is known meanwhile. A filter with a large F follows slowly, which
 colours its innovations too: where little excites the body, or the inertia varies, F may stay large by itself.
 Source: Mehra, On the identification of variances and adaptive Kalman filtering (1970), for the test; Newey and West,
@@ -46,6 +50,8 @@ MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
 _FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
 _FACTOR_MAX = 1e4
+_EARLY = 300  # readings since the figures began
+_RESTARTS = 4
 _STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies: chosen by hand for the same
 _COUNT = len(TIME_CONSTANTS)
 
@@ -60,6 +66,7 @@ def whiteness_dtype() -> np.dtype:
             ("smoothed", FLOAT, (_COUNT, 3)),  # y
             ("kept", FLOAT, _COUNT),  # a^(2 readings): share of y's variance that is yet to come
             ("variance", FLOAT, (_COUNT, 3)),  # R
+            ("restarts", INT),
             ("factor", FLOAT),  # F; 1 without alarm, and without `inflate`
             ("factor_max", FLOAT),  # largest so far
         ],
@@ -69,10 +76,17 @@ def whiteness_dtype() -> np.dtype:
 
 @inline
 def start(belief):
-    """State before the first reading: everything is as expected."""
+    """State before the first reading."""
     state = belief.whiteness
-    state.readings = 0
+    state.restarts = 0
     state.factor = state.factor_max = 1.0
+    _begin(state)
+
+
+@inline
+def _begin(state):
+    """Begin to watch: everything is as expected."""
+    state.readings = 0
     for k in range(_COUNT):
         state.kept[k] = 1.0
         for i in range(3):
@@ -151,17 +165,31 @@ def is_alarmed(state, walk):
 
 @inline
 def _inflate(belief):
-    """Set F by the innovations; raise the covariance where F is the largest so far.
+    """Set F by the innovations, or restart; raise the covariance where F is the largest so far.
 
-    That F is the square of the excess, not the excess itself, was chosen by hand.
+    That F is the square of the excess, not the excess itself, was chosen by hand, and so was the 4 of a restart.
     """
     state = belief.whiteness
     beyond = max(1.0, excess(state, 0), colour(state, inertia_walk(belief)))
+    if _may_restart(belief):
+        if beyond > 1.0:
+            _forget(belief, 4.0 * beyond * beyond)
+            _begin(state)
+            state.restarts += 1
+        return
     state.factor = factor = min(beyond * beyond, _FACTOR_MAX)
     if factor <= state.factor_max:
         return
     _forget(belief, factor / state.factor_max)
     state.factor_max = factor
+
+
+@inline
+def _may_restart(belief):
+    """Whether an alarm now is answered by a restart."""
+    state = belief.whiteness
+    early = state.readings <= _EARLY and state.restarts < _RESTARTS and state.factor_max == 1.0
+    return early and belief.modes.std.shape[0] > 0
 
 
 @inline
