@@ -156,7 +156,7 @@ def test_it_is_consistent_where_the_data_sheet_tells_of_the_mode(oscillator, unt
 
 @pytest.mark.compiled
 def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray():
-    """The rarest of a hundred episodes: three standard deviations off, which a filter that does not inflate mistakes."""
+    """The rarest of a hundred episodes, three standard deviations off: it restarts, or would not recover."""
 
     def nees(**settings):
         flight = fly(

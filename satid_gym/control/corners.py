@@ -61,8 +61,8 @@ class CornerTour:
         self._layout, self._world = missions[0].layout, missions[0].scenario
         if need_walk(features) and "inertia_walk" not in self._layout:
             raise ValueError(
-                "features of the inertia's walk are chosen but it is not observed: make the environment, or the policy, "
-                "with include_walk=True"
+                "features of the inertia's walk are chosen but it is not observed: make the environment, or the "
+                "policy, with include_walk=True"
             )
         self._seen = [name for name in (*_SEEN, *_MORE) if name in self._layout]
         self._all_crafts = Craft.of(missions)
