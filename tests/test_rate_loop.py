@@ -64,9 +64,7 @@ def test_aligned_wheels_are_cut_one_by_one():
 
 def test_a_small_correction_is_not_given_up_for_a_large_slew():
     """y and z ask for more than tilted wheels have; x, a hundredth of that, still gets nearly all of its way."""
-    found = np.array(
-        within_reach((0.02, 2.0, 2.0), UNIT, np.linalg.inv(TILT), np.zeros(3), np.full(3, 1.0))
-    )
+    found = np.array(within_reach((0.02, 2.0, 2.0), UNIT, np.linalg.inv(TILT), np.zeros(3), np.full(3, 1.0)))
     assert found[0] > 0.98 * 0.02
     assert 0.1 < found[1] / 2.0 < 0.9
     assert 0.1 < found[2] / 2.0 < 0.9
