@@ -173,6 +173,23 @@ def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray():
     assert nees(inflate=False) > 20.0
 
 
+@pytest.mark.compiled
+def test_what_restarts_do_not_cure_is_inflated():
+    """A gyro three times as noisy as it is said to be: four restarts, and then F."""
+    body = satellite(PANELS)
+    gyro, tachometer, dt = flown(body, InertiaLaw("static"))
+    gyro = gyro + np.sqrt(8.0) * body.gyro_noise_std * np.random.default_rng(0).standard_normal(gyro.shape)
+    found = {}
+    for inflate in (None, False):
+        ekf = AdaptiveEKF(inflate=inflate)
+        ekf.run(prior_of(body, Scenario()), gyro, tachometer, dt)
+        state = ekf.record["whiteness"]
+        found[inflate] = int(state["restarts"]), float(state["factor"])
+    assert found[None][0] == 4
+    assert found[None][1] > 2.0
+    assert found[False] == (0, 1.0)
+
+
 def test_the_smoother_refuses_modes():
     body = satellite(PANELS)
     with pytest.raises(ValueError, match=r"smooths no modes: .*flexible=False"):
