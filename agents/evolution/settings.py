@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_names, check_number
-from satid_gym.control.corner_features import FEATURES, RIGID, need_walk
+from satid_gym.control.corner_features import FEATURES, RIGID, takes_walk
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
 from satid_gym.policies.learned import LearnedPolicy, check_name
@@ -96,6 +96,6 @@ class Evolution:
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""
         network = Network((weights[None].astype(np.float32),), (np.zeros(1, np.float32),))
-        given = {"observation": "body", "corner_features": self.features, "include_covariance": True}
-        given["include_walk"] = need_walk(self.features)
+        given = {"observation": "body", "corner_features": self.features}
+        given |= {"include_covariance": True, "include_walk": takes_walk(self.features)}
         return LearnedPolicy(self.name, network, "rate", self.margin, details=details, **given)

@@ -74,7 +74,7 @@ RIGID = tuple(name for name in FEATURES if not any(part in name for part in _OF_
 """Those that a satellite without panels and tanks has."""
 
 
-def need_walk(names: Sequence[str]) -> bool:
+def takes_walk(names: Sequence[str]) -> bool:
     """Whether one of the features takes the filter's random walk of the inertia, as observed with `include_walk`."""
     return any("walk" in name for name in names)
 

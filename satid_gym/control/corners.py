@@ -16,7 +16,7 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corner_choice import HOLD, Choice
-from satid_gym.control.corner_features import FEATURES, need_walk
+from satid_gym.control.corner_features import FEATURES, takes_walk
 from satid_gym.control.craft import Craft
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
@@ -59,7 +59,7 @@ class CornerTour:
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
-        if need_walk(features) and "inertia_walk" not in self._layout:
+        if takes_walk(features) and "inertia_walk" not in self._layout:
             raise ValueError(
                 "features of the inertia's walk are chosen but it is not observed: make the environment, or the "
                 "policy, with include_walk=True"
