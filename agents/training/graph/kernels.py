@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -167,7 +167,7 @@ class Interpreter:
         left = iter(values)
         for name in names:
             value = self._names[name]
-            self._names[name] = tuple(next(left) for _ in value) if isinstance(value, tuple) else next(left)
+            self._names[name] = _filled(value, left)
         for name in arrays:
             array = self._names[name]
             for place in np.ndindex(array.shape):
@@ -196,11 +196,16 @@ class Interpreter:
             return -self._value(node.operand)
         if isinstance(node, ast.Compare):
             return _OPERATORS[type(node.ops[0])](self._value(node.left), self._value(node.comparators[0]))
-        if isinstance(node, ast.BoolOp) and isinstance(node.op, ast.And):
-            found: Row | bool = True
-            for part in node.values:
-                found = self._builder.both(found, self._value(part))
+        if isinstance(node, ast.BoolOp):
+            found, *others = map(self._value, node.values)
+            for other in others:
+                found = (self._builder.both if isinstance(node.op, ast.And) else self._builder.either)(found, other)
             return found
+        if isinstance(node, ast.IfExp):
+            test = self._value(node.test)
+            if not isinstance(test, Row):
+                return self._value(node.body if test else node.orelse)
+            return self._merged(test, self._value(node.body), self._value(node.orelse))
         if isinstance(node, ast.Call):
             return self._call(node)
         raise self._source.refuse(node, f"a {type(node).__name__} in ONNX")
@@ -227,3 +232,8 @@ class Interpreter:
             return function(a, b)
         better = b < a if function is min else b > a  # as Python: the first where neither is
         return self._builder.choose(better, b, a)
+
+
+def _filled(value: Any, left: Iterator[Row]) -> Any:
+    """The rows that are left in place of those of a value, which may be a tuple of tuples."""
+    return tuple(_filled(part, left) for part in value) if isinstance(value, tuple) else next(left)

@@ -146,9 +146,11 @@ class Row:
     def __rtruediv__(self, other: float) -> Row:
         return self.builder.operate("Div", other, self)
 
-    def __pow__(self, power: int) -> Row:
+    def __pow__(self, power: float) -> Row:
+        if power == 0.5:
+            return self.builder.operate("Sqrt", self)
         if power != 2:
-            raise ValueError(f"a row has no power of {power}, only that of 2")
+            raise ValueError(f"a row has no power of {power}, only those of 2 and 0.5")
         return self * self
 
     def __rpow__(self, base: float) -> Row:

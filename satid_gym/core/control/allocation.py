@@ -63,12 +63,12 @@ def _components(v, normals, count):
     if count < 2:
         along = dot(a, v)
         return (along, 0.0, 0.0), axpy(-along, a, v)
-    if count == 2:
+    if count < 3:
         c = cross(a, b)
     bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
     volume = dot(a, bc)
     first, second, third = dot(bc, v) / volume, dot(ca, v) / volume, dot(ab, v) / volume
-    if count == 2:
+    if count < 3:
         return (first, second, 0.0), axpy(third, c, _ZERO)
     return (first, second, third), _ZERO
 
@@ -76,17 +76,17 @@ def _components(v, normals, count):
 @inline
 def _put(new, old, place):
     """Three things with a new one at a place, from 0."""
-    if place == 0:
+    if place < 1:
         return new, old[1], old[2]
-    return (old[0], new, old[2]) if place == 1 else (old[0], old[1], new)
+    return (old[0], new, old[2]) if place < 2 else (old[0], old[1], new)
 
 
 @inline
 def _drop(none, old, place):
     """Three things without that at a place, from 0; those after it move up, and the last is none."""
-    if place == 0:
+    if place < 1:
         return old[1], old[2], none
-    return (old[0], old[2], none) if place == 1 else (old[0], old[1], none)
+    return (old[0], old[2], none) if place < 2 else (old[0], old[1], none)
 
 
 @inline
@@ -108,8 +108,8 @@ def _activate(share, normal, excess, normals, multipliers, count):
             step, place = multipliers[1] / along[1], 1
         if along[2] > 0.0 and multipliers[2] < step * along[2]:
             step, place = multipliers[2] / along[2], 2
-        if step == np.inf:
-            break
+        if step >= np.inf:
+            return share, normals, multipliers, -1
         multiplier += step
         multipliers = axpy(-step, along, multipliers)
         if square > _PARALLEL:
@@ -142,11 +142,13 @@ def within_reach(target, symmetric, allocation, bias, limit):
     if fits(multiply(symmetric, target), allocation, bias, limit):
         return target
     share, normals, multipliers, count = (1.0, 1.0, 1.0), (_ZERO, _ZERO, _ZERO), _ZERO, 0
+    wheels = (allocation, bias, limit)
+    normal, excess = _exceeded(share, target, symmetric, wheels)
     for _ in range(_ADDED_MAX):
-        normal, excess = _exceeded(share, target, symmetric, (allocation, bias, limit))
+        share, normals, multipliers, count = _activate(share, normal, excess, normals, multipliers, count)
+        normal, excess = _exceeded(share, target, symmetric, wheels)
         if excess <= _EXACT or count < 0:
             break
-        share, normals, multipliers, count = _activate(share, normal, excess, normals, multipliers, count)
     x, y, z = share
     x = scale(target, (min(max(x, 0.0), 1.0), min(max(y, 0.0), 1.0), min(max(z, 0.0), 1.0)))
     reached, rest = multiply(symmetric, x), 1.0
