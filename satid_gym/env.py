@@ -192,6 +192,7 @@ alarm |
     | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; a \
 periodic inertia can cause it too |
     | inflation | factor on the variance of the readings' noise, with the estimator's `inflate`; else 1 |
+    | restarts | times that the filter, where it estimates modes, has restarted after an early alarm |
     | inertia_walk | the filter's random walk of each moment relative to its prior, per sqrt(s) |
     | steps_found | steps of the inertia that the filter has found so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |

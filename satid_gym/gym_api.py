@@ -41,6 +41,7 @@ INFO_KEYS = (
     "colour",
     "unmodelled",
     "inflation",
+    "restarts",
     "inertia_walk",
     "steps_found",
     "faults",

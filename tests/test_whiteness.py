@@ -216,7 +216,7 @@ def test_info_says_what_the_filter_says(microsat):
         for t in range(20):
             _, _, _, _, info = env.step(np.full(3, 0.3 if t // 5 % 2 else -0.3, np.float32))
         infos.append(info)
-    for key in ("nis_mean", "colour", "unmodelled", "inflation", "inertia_walk", "steps_found"):
+    for key in ("nis_mean", "colour", "unmodelled", "inflation", "restarts", "inertia_walk", "steps_found"):
         assert infos[0][key] == pytest.approx(infos[1][key], rel=1e-9), key
     assert type(infos[0]["unmodelled"]) is bool
     assert infos[0]["inflation"] == 1.0

@@ -20,7 +20,7 @@ from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.studies.worlds import WORLDS, policy_for
 from satid_gym.config import check_integer, check_names
-from satid_gym.evaluation import fly, seeds
+from satid_gym.evaluation import FIRST_SEED, Split, fly, seeds
 from satid_gym.files import check_writable, read_json, write_json
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
 from satid_gym.policies.registry import BASELINES
@@ -53,7 +53,9 @@ class ConsistencyStudy:
     rate_coordinates: bool | None = None
     """Whether updates are in errors of the rate where it estimates no errors; None: where the motors shake little."""
     episodes: int = 100
-    """Episodes of a cell, validation seeds."""
+    """Episodes of a cell."""
+    split: Split = "validation"
+    """Seeds: validation, or test for a last look at what was chosen by validation."""
     merge: bool = False
     """Whether the file's other cells stay in it."""
     output: Path = Path("results/consistency.json")
@@ -71,6 +73,7 @@ class ConsistencyStudy:
         check_names("inertia mode", self.inertias, (*INERTIA_MODES, *MASS_MODES))
         check_names("estimator", (self.estimator,), ["adaptive", "momentum"])
         check_integer("episodes", self.episodes)
+        check_names("split of seeds", [self.split], FIRST_SEED)
         self.world("as nominal")
 
     def world(self, name: str) -> Scenario:
@@ -89,7 +92,7 @@ def cell(study: ConsistencyStudy, world: str, policy: str, satellite: Satellite,
         policy_for(policy, satellite, scenario),
         satellite=satellite,
         inertia=inertia,
-        seeds=seeds("validation", study.episodes),
+        seeds=seeds(study.split, study.episodes),
         scenario=scenario,
         estimator={
             "name": study.estimator,
@@ -122,7 +125,7 @@ def kept_cells(study: ConsistencyStudy, flown: set[tuple[str, ...]]) -> list[dic
     old = read_json(study.output, remedy, keys=("revision", "settings", "cells"))
     if old["settings"]["episodes"] != study.episodes:
         raise ValueError(f"{study.output} has {old['settings']['episodes']} episodes a cell: {remedy}")
-    for name in ("tilt", "estimator", "calibrate", "flexible", "announced", "rate_coordinates"):
+    for name in ("split", "tilt", "estimator", "calibrate", "flexible", "announced", "rate_coordinates"):
         own = getattr(study, name)
         if old["settings"].get(name, own) != own:
             raise ValueError(f"{study.output} was flown with {name} = {old['settings'][name]}: {remedy}")
@@ -157,7 +160,7 @@ def main(study: ConsistencyStudy) -> int:
     cells = [*kept, *rows]
     flown = dataclasses.replace(study, worlds=tuple(dict.fromkeys(own["world"] for own in cells)))
     head = result_head(
-        "baselines.studies.consistency", flown, split="validation", seeds=seeds("validation", study.episodes)
+        "baselines.studies.consistency", flown, split=study.split, seeds=seeds(study.split, study.episodes)
     )
     write_json(study.output, {**head, "cells": cells})
     show(rows)

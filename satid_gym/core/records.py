@@ -129,6 +129,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("colour", FLOAT),
             ("unmodelled", np.int8),  # 1: the innovations are not those of a consistent filter
             ("inflation", FLOAT),
+            ("restarts", INT),
             ("inertia_walk", FLOAT),
             ("steps_found", INT),
             ("faults", np.int8, len(Fault)),  # 1: acted in the decision

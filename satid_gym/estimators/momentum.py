@@ -56,8 +56,8 @@ class MomentumEKFSettings(EstimatorSettings):
             does to the tensor; see `satid_gym.core.belief.announcement`.
         inflate: whether it inflates its covariance and the readings' noise while its innovations are larger or more
             coloured than those of a consistent filter, see `satid_gym.core.belief.whiteness`. Without, info's
-            `unmodelled` says so and nothing else changes. None: where it estimates modes, of which a frequency far
-            from the data sheet's may lead it astray in the first seconds; there early alarms restart it.
+            `unmodelled` says so and nothing else changes. None: where it estimates modes; there an early alarm
+            restarts it.
 
     Raises:
         ValueError: a value is out of range, or with adaptation a walk is more than inertia_walk_max.

@@ -38,6 +38,7 @@ _REPORT = np.dtype(
         ("colour", FLOAT),
         ("unmodelled", INT),
         ("inflation", FLOAT),
+        ("restarts", INT),
         ("inertia_walk", FLOAT),
         ("steps_found", INT),
         ("peak_rate", FLOAT, 3),

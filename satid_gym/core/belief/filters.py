@@ -141,4 +141,5 @@ def tell(belief, report):
     state, walk = belief.whiteness, whiteness.inertia_walk(belief)
     report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state, walk)
     report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state, walk) else 0, state.factor
+    report.restarts = state.restarts
     report.inertia_walk, report.steps_found = walk, belief.adaptation.steps

@@ -21,15 +21,17 @@ over its largest so far, what was learned before was learned from the same readi
 with S diagonal: the prior variances of theta, of the disturbance torque, of the modes' frequency, size and damping and
 of the errors of sensors and wheels, each at least the variance it has; infinite for M and for the modes' motion, which
 the next readings tell again. So each state grows by itself, at most to its prior.
-Where modes are estimated, an alarm in the first _EARLY readings comes from a frequency, coupling or inertia that was
-known too poorly for derivatives to hold, not from what is left out. So there g is 4 times the square of the excess, F
-stays 1, and the figures begin anew: the filter restarts from where it is, at most _RESTARTS times.
+
+Where modes are estimated, an early alarm comes from a frequency, coupling or inertia that was known too poorly for the
+linearisation to hold, not from what is left out. So within _EARLY readings the filter restarts from its mean: g is
+_RESTART_GROWTH times the square of the excess, F stays 1, and y and R start again. That happens at most RESTARTS_MAX
+times.
 
 F falls with R, and is watched for that however little is known meanwhile. A filter with a large F follows slowly, which
 colours its innovations too: where little excites the body, or the inertia varies, F may stay large by itself.
 Source: Mehra, On the identification of variances and adaptive Kalman filtering (1970), for the test; Newey and West,
 A simple positive semi-definite heteroskedasticity and autocorrelation consistent covariance matrix (1987), for the
-variance in the long run. The factor is this project's.
+variance in the long run. Factor and restarts are this project's.
 """
 
 from __future__ import annotations
@@ -50,8 +52,11 @@ MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
 _FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
 _FACTOR_MAX = 1e4
-_EARLY = 300  # readings since the figures began
-_RESTARTS = 4
+# of restarts: chosen by hand among five versions, by 200 tuning flights in scenario flex and by three worlds of
+# baselines.studies.consistency on validation seeds; docs/flexible.md has test seeds
+_EARLY = 300  # readings since y and R started
+_RESTART_GROWTH = 4.0
+RESTARTS_MAX = 4
 _STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies: chosen by hand for the same
 _COUNT = len(TIME_CONSTANTS)
 
@@ -61,12 +66,12 @@ def whiteness_dtype() -> np.dtype:
     """Whiteness: its setting and state; as of white innovations where nothing is watched."""
     return np.dtype(
         [
-            ("inflate", INT),  # 1: F counts
+            ("inflate", INT),  # 1: an alarm inflates, or restarts
             ("readings", INT),  # that were watched
             ("smoothed", FLOAT, (_COUNT, 3)),  # y
             ("kept", FLOAT, _COUNT),  # a^(2 readings): share of y's variance that is yet to come
             ("variance", FLOAT, (_COUNT, 3)),  # R
-            ("restarts", INT),
+            ("restarts", INT),  # so far
             ("factor", FLOAT),  # F; 1 without alarm, and without `inflate`
             ("factor_max", FLOAT),  # largest so far
         ],
@@ -76,7 +81,7 @@ def whiteness_dtype() -> np.dtype:
 
 @inline
 def start(belief):
-    """State before the first reading."""
+    """Write the state before the first reading."""
     state = belief.whiteness
     state.restarts = 0
     state.factor = state.factor_max = 1.0
@@ -85,7 +90,7 @@ def start(belief):
 
 @inline
 def _begin(state):
-    """Begin to watch: everything is as expected."""
+    """Start y and R as if everything had been as expected."""
     state.readings = 0
     for k in range(_COUNT):
         state.kept[k] = 1.0
@@ -167,13 +172,13 @@ def is_alarmed(state, walk):
 def _inflate(belief):
     """Set F by the innovations, or restart; raise the covariance where F is the largest so far.
 
-    That F is the square of the excess, not the excess itself, was chosen by hand, and so was the 4 of a restart.
+    That F is the square of the excess, not the excess itself, was chosen by hand.
     """
     state = belief.whiteness
     beyond = max(1.0, excess(state, 0), colour(state, inertia_walk(belief)))
     if _may_restart(belief):
         if beyond > 1.0:
-            _forget(belief, 4.0 * beyond * beyond)
+            _forget(belief, _RESTART_GROWTH * beyond * beyond)
             _begin(state)
             state.restarts += 1
         return
@@ -188,7 +193,7 @@ def _inflate(belief):
 def _may_restart(belief):
     """Whether an alarm now is answered by a restart."""
     state = belief.whiteness
-    early = state.readings <= _EARLY and state.restarts < _RESTARTS and state.factor_max == 1.0
+    early = state.readings <= _EARLY and state.restarts < RESTARTS_MAX and state.factor_max == 1.0
     return early and belief.modes.std.shape[0] > 0
 
 

@@ -48,6 +48,8 @@ class Reference:
 class FilterpyMomentumEKF(Reference):
     """MomentumEKF without adaptation by filterpy's ExtendedKalmanFilter.
 
+    It never inflates: with modes it is the MomentumEKF with `inflate=False`.
+
     Args:
         **settings: fields of `MomentumEKFSettings`.
 

@@ -18,11 +18,11 @@ typedef struct {
 } belief;
 
 typedef struct {
-    double waited, waited_slews, waited_early, waited_walk, reversals, reversals_2s, reversals_4s, reversals_12s, reversals_squared,
-        reversals_uncertainty, reversals_elapsed, reversals_early, reversals_late, reversals_walk, reversals_slew,
-        reversals_slewed, unknown, unknown_12s, any, any_uncertainty, any_elapsed, any_early, any_late, any_walk, any_slew, any_nis, gain,
-        gain_1, gain_3, gain_10, gain_uncertainty, gain_early, gain_1_early, gain_walk, gain_1_walk, underway, fullness,
-        fullness_beyond, load, load_beyond;
+    double waited, waited_slews, waited_early, waited_walk, reversals, reversals_2s, reversals_4s, reversals_12s,
+        reversals_squared, reversals_uncertainty, reversals_elapsed, reversals_early, reversals_late, reversals_walk,
+        reversals_slew, reversals_slewed, unknown, unknown_12s, any, any_uncertainty, any_elapsed, any_early,
+        any_late, any_walk, any_slew, any_nis, gain, gain_1, gain_3, gain_10, gain_uncertainty, gain_early,
+        gain_1_early, gain_walk, gain_1_walk, underway, fullness, fullness_beyond, load, load_beyond;
 } corner_features;
 
 static void axes_of(int k, int *i, int *j)
