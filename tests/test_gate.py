@@ -14,6 +14,7 @@ from baselines.scenarios import rivals
 from baselines.scenarios.flights import Cell, Flown, flown, unit_free_error
 from baselines.scenarios.gate import Gate, over, row, show
 from baselines.scenarios.oracle import search
+from baselines.scenarios.plans.corner import CornerPlan
 from baselines.scenarios.plans.shaped import ShapedPlan, with_true_modes
 from baselines.scenarios.plans.swing import SwingPlan, with_true_sky
 from baselines.scenarios.rate_loops import RateLoopStudy
@@ -21,6 +22,7 @@ from baselines.scenarios.rivals import Quieter, choose
 from satid_gym import SATELLITES
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.gym_api import COSTS
+from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
 from satid_gym.policies.rate_square import RateSquarePolicy
@@ -177,6 +179,40 @@ def test_a_plan_of_swings_has_settings_of_its_own_for_each_episode():
     actions = np.array([plan(told) for _ in range(14)])
     swung = (np.abs(actions) > 0.1).any(axis=2).sum(axis=0)
     np.testing.assert_array_equal(swung, [12, 14, 0])
+    env.close()
+
+
+def test_a_plan_of_corners_without_preference_is_corner_tour():
+    """But for the modes that it is told, and with the same caution."""
+    env = world(3, "slosh")
+    plan, tour = CornerPlan(np.zeros((3, CornerPlan.size))), CornerTourPolicy(caution=0.0)
+    observation, _ = env.reset(seed=SEEDS)
+    for policy in (plan, tour):
+        policy.reset(missions(env.problem)[0], SEEDS)
+    for _ in range(60):
+        action = plan(observation)
+        np.testing.assert_array_equal(action, tour(observation))
+        observation, *_ = env.step(action)
+    env.close()
+
+
+def test_a_plan_of_corners_takes_the_corner_that_it_prefers_in_a_leg():
+    env = world(3, "slosh")
+    points = np.zeros((3, CornerPlan.size))
+    preference = points.reshape(3, -1, 8)
+    preference[0, 0, 5] = preference[1, 0, 0] = 1e4  # by far above any wait
+    plan = CornerPlan(points)
+    plan.reset(missions(env.problem)[0], SEEDS)
+    observation, _ = env.reset(seed=SEEDS)
+    assert plan.told(env, observation) is observation, "the first has the data sheet"
+    taken = []
+    for _ in range(60):
+        action = plan(observation)
+        taken.append(np.sign(action) @ [2.0, 1.0, 0.5] + 3.5)  # number of the corner
+        observation = plan.told(env, env.step(action)[0])
+    taken = np.array(taken)
+    np.testing.assert_array_equal(taken[0, :2], [5, 0])
+    assert all(len(np.unique(own)) > 4 for own in taken[1:].T), "after it the preference is over"
     env.close()
 
 

@@ -1,15 +1,17 @@
 """Compilation of the core: its parts, and the compiler's cache for what numba's own leaves open."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
 from satid_gym.core import kernels
-from satid_gym.core.jit import inline, kernel, outline
+from satid_gym.core.jit import inline, inline_disjoint, kernel, outline, outline_disjoint
 from satid_gym.core.jit_cache import NamedByContent
 
 
@@ -38,6 +40,43 @@ def test_an_outlined_function_is_in_a_kernel_once_and_an_inlined_one_not_at_all(
     (compiled,) = compiled_both.overloads.values()
     names = [f.name for f in compiled.library.get_defined_functions()]
     assert [sum(part.__name__ + "B" in name for name in names) for part in (doubled, doubled_sum)] == [0, 1]
+
+
+def products(values, by, out):
+    for i in range(values.shape[0]):
+        out[i] = values[i] * by[0]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("part", "alone"), [(inline, 0), (inline_disjoint, 0), (outline, 1), (outline_disjoint, 1)])
+def test_a_part_of_disjoint_arguments_is_compiled_as_one(part, alone):
+    """With the mark on its pointers where they are said to be disjoint, and as often as its like."""
+    piece = part(products)
+
+    def whole(values, by, out):
+        piece(values, by, out)
+
+    compiled_whole = kernel(whole)
+    compiled_whole._cache.disable()
+    out = np.zeros(3)
+    compiled_whole(np.array([1.0, 2.0, 3.0]), np.array([2.0]), out)
+    np.testing.assert_array_equal(out, [2.0, 4.0, 6.0])
+    (compiled,) = compiled_whole.overloads.values()
+    names = [f.name for f in compiled.library.get_defined_functions() if "8products" in f.name]
+    assert len(names) == alone
+    (own,) = piece.overloads.values()
+    marked = re.search(r"noalias [^,]*%arg\.", own.library.get_llvm_str()) is not None
+    assert marked == part.__name__.endswith("disjoint")
+
+
+@pytest.mark.compiled
+def test_kernels_leave_numbas_settings_as_they_were():
+    before = numba.config.SLP_VECTORIZE
+    compiled = kernel(both)
+    compiled._cache.disable()
+    compiled(np.array([1.0, 2.0]))
+    after = numba.config.SLP_VECTORIZE
+    assert after == before
 
 
 def test_python_may_call_a_part():

@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from baselines.command import cluster
 from baselines.scenarios.flights import Cell, Flown, flown
+from baselines.scenarios.plans.corner import CornerPlan
 from baselines.scenarios.plans.shaped import ShapedPlan
 from baselines.scenarios.plans.swing import SwingPlan
 from baselines.scenarios.plans.window import WindowPlan
@@ -22,9 +23,9 @@ _SPREAD = 0.6  # std of the first population about the typical settings
 _STRAY = 100.0  # by which a cost beyond its limit counts in the search
 
 
-PLANS: dict[str, type[ShapedPlan | SwingPlan | WindowPlan]] = {
+PLANS: dict[str, type[CornerPlan | ShapedPlan | SwingPlan | WindowPlan]] = {
     "flex": ShapedPlan,
-    "slosh": ShapedPlan,
+    "slosh": CornerPlan,
     "calibration": SwingPlan,
     "operations": WindowPlan,
 }

@@ -106,10 +106,10 @@ def _condition(belief, work, omega, p):
     write_times_regressor(work.jacobian[0], (-omega[0], -omega[1], -omega[2]), work.regressor)
     for i in range(3):
         work.rows[i, :3], work.rows[i, 3 : 3 + p] = work.jacobian[0, i], work.regressor[i]
-        work.innovation[i] = 0.0
+        work.rows[i, 3 + p :] = work.innovation[i] = 0.0
     spin = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
-    momentum_model.whiten(work, add_diagonal(belief.gyro_std**2, spin), 3 + p)
-    update(belief, work, 3, 3 + p)
+    momentum_model.whiten(work, add_diagonal(belief.gyro_std**2, spin))
+    update(belief, work, 3)
 
 
 @kernel

@@ -22,7 +22,7 @@ from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.policy import Mission
 
-_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
@@ -82,11 +82,11 @@ class CornerTour:
 
     def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
         """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
-        corners = _CORNERS * self._allowed(observation, np.ones(3))[:, None]
-        corners = np.broadcast_to(corners, (len(observation), *_CORNERS.shape))
+        corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
+        corners = np.broadcast_to(corners, (len(observation), *CORNERS.shape))
         modes = self._modes.read(observation)
         peak = self._modes.peaks_of_turns(modes, corners)
-        reverses = self._side[:, None] != _CORNERS
+        reverses = self._side[:, None] != CORNERS
         scores = self._waits(reverses)
         if score is not None:
             choice = Choice(
@@ -104,7 +104,7 @@ class CornerTour:
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
-        self._side = _CORNERS[best]
+        self._side = CORNERS[best]
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._world.decision_period
         return corners[episodes, best]
 

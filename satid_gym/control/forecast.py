@@ -24,7 +24,7 @@ from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control.allocation import allocate, storable
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.records import Criterion
-from satid_gym.core.reward import uncertainty_nats
+from satid_gym.core.reward import dispersion, nats
 
 _LOGDET = int(Criterion.LOGDET)
 
@@ -155,11 +155,10 @@ def fly_plan(trail, scratch, cap, plan, first, world, counting, error_max):
         for s in range(steps):
             now = axpy((s + 1.0) / steps, change, omega)
             _turn(belief, work, world.allocation, inertia, now, world.step, scratch.wheel, scratch.rate)
-            if counting:
-                gained += uncertainty_nats(belief, work, _LOGDET)
+            before = dispersion(belief, work, _LOGDET) if counting else 1.0
             momentum_filter.condition(belief, work, scratch.rate)
             if counting:
-                gained -= uncertainty_nats(belief, work, _LOGDET)
+                gained += nats(belief, before / dispersion(belief, work, _LOGDET), _LOGDET)
             size, error = _frobenius(belief)
             total += error / size
         store(trail.rates[d + 1], end)

@@ -191,20 +191,21 @@ def factor(a, first, size, work):
 
 @inline
 def invert(work, size, out):
-    """out = A^-1 for the matrix that `factor` left in `work`, whose upper triangle is overwritten."""
+    """out = A^-1 for the matrix that `factor` left in `work`, of which D and the upper triangle are overwritten."""
     for j in range(size):  # L^-1, of which row i stands in column i of the upper triangle
         for i in range(j + 1, size):
             total = -work[i, j]
             for k in range(j + 1, i):
                 total -= work[i, k] * work[j, k]
             work[j, i] = total
+        work[j, j] = 1.0 / work[j, j]
     for i in range(size):
         for j in range(i, size):
             total = 0.0
             for k in range(j, size):
                 left = 1.0 if i == k else work[i, k]
                 right = 1.0 if j == k else work[j, k]
-                total += left * right / work[k, k]
+                total += left * right * work[k, k]
             out[i, j] = out[j, i] = total
 
 

@@ -16,7 +16,7 @@ from satid_gym.core.observation import observe
 from satid_gym.core.random import uniform
 from satid_gym.core.records import Autoreset
 from satid_gym.core.report import assess, note_costs, note_nis, note_peaks
-from satid_gym.core.reward import reward, uncertainty_nats
+from satid_gym.core.reward import dispersion, nats, reward, uncertainty_nats
 from satid_gym.core.sample import sample
 from satid_gym.core.truth.draw import draw_plant
 from satid_gym.core.truth.dynamics import spin_momentum
@@ -121,16 +121,14 @@ def conclude(plant, belief, task, work, report, observation):
 
 @inline
 def believe(plant, belief, task, work, report):
-    """Let the filter take in a sample's readings, and tally what they gave; uncertainty in nats afterwards."""
+    """Let the filter take in a sample's readings, and tally what they gave."""
     announce(plant, belief, task)
     filters.predict(belief, work, plant.tachometer, task.sample_period)
-    before = uncertainty_nats(belief, work, task.criterion)
+    before = dispersion(belief, work, task.criterion)
     report.nis = take_reading(plant, belief, work)
     note_peaks(plant, belief, report)
     note_nis(task, report.nis)
-    last = uncertainty_nats(belief, work, task.criterion)
-    report.information_gain += before - last
-    return last
+    report.information_gain += nats(belief, before / dispersion(belief, work, task.criterion), task.criterion)
 
 
 @inline
@@ -138,17 +136,17 @@ def decide(rows, i, action, work):
     """One decision of row i."""
     plant, belief, task, report = rows.plants[i], rows.beliefs[i], rows.tasks[i], rows.reports[i]
     command(plant, task, work, report, action)
-    first = last = 0.0
+    first = 0.0
     for step in range(task.samples):
         steer(plant, belief, task, work, report)
         sample(plant, task, work, report)
-        if step == 0:
+        if step == 0 and task.net != 0:
             first = uncertainty_nats(belief, work, task.criterion)
-        last = believe(plant, belief, task, work, report)
+        believe(plant, belief, task, work, report)
         if rows.logs.shape[1] > 0:
             log_sample(rows.logs[i, step], plant, belief)
     if task.net != 0:
-        report.information_gain = first - last
+        report.information_gain = first - uncertainty_nats(belief, work, task.criterion)
     conclude(plant, belief, task, work, report, rows.observations[i])
 
 

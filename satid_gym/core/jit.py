@@ -1,5 +1,7 @@
 """Compilation of the core: `@kernel` for what Python calls, `@inline` and `@outline` for what kernels call.
 
+`@inline_disjoint` and `@outline_disjoint` are the same for functions whose arguments share no memory.
+
 Kernels release the GIL and are cached on disk. A small function, `@inline`, is compiled into whatever calls it; a
 larger one, `@outline`, once into each kernel, since the compiler takes its time over every copy.
 
@@ -19,15 +21,15 @@ from numba import config, njit
 
 from satid_gym.core.interpreted import interpreted
 from satid_gym.core.jit_cache import cache_of
-from satid_gym.core.jit_parts import FLAGS, inline, outline
+from satid_gym.core.jit_parts import FLAGS, Vectorised, inline, inline_disjoint, outline, outline_disjoint
 
-__all__ = ["inline", "kernel", "outline"]
+__all__ = ["inline", "inline_disjoint", "kernel", "outline", "outline_disjoint"]
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile and cache a function that Python calls."""
     if config.DISABLE_JIT:
         return interpreted(function)
-    compiled = njit(nogil=True, **FLAGS)(function)
+    compiled = njit(nogil=True, pipeline_class=Vectorised, **FLAGS)(function)
     compiled._cache = cache_of(function)
     return compiled

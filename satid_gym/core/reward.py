@@ -19,30 +19,45 @@ _LOGDET, _TRACE = int(Criterion.LOGDET), int(Criterion.TRACE)
 
 
 @outline
-def uncertainty_nats(belief, work, criterion):
-    """Uncertainty of theta in nats, 0 for the prior; NaN and belief.broken = 1 where P is not positive."""
+def dispersion(belief, work, criterion):
+    """Dispersion of theta, 1 for the prior: det C, tr C / p or the largest eigenvalue of C.
+
+    NaN, and belief.broken = 1, where P is not positive definite.
+    """
     p = belief.prior_theta.shape[0]
     block = work.block
     if criterion == _LOGDET:
-        product = factor_theta(belief, work)
-        if not product > 0.0:
-            belief.broken = 1
+        prior, size = 1.0, factor_theta(belief, work)
         for i in range(p):
-            product /= belief.prior_theta_std[i] ** 2
-        return 0.5 * np.log(product)
-    for i in range(p):
-        for j in range(p):
-            scale = belief.prior_theta_std[i] * belief.prior_theta_std[j]
-            block[i, j] = theta_covariance(belief, i, j) / scale
-    if criterion == _TRACE:
-        size = 0.0
-        for i in range(p):
-            size += block[i, i] / p
+            prior *= belief.prior_theta_std[i] ** 2
+        size /= prior
     else:
-        size = largest_eigenvalue(block, p)
+        for i in range(p):
+            for j in range(p):
+                scale = belief.prior_theta_std[i] * belief.prior_theta_std[j]
+                block[i, j] = theta_covariance(belief, i, j) / scale
+        size = 0.0
+        if criterion == _TRACE:
+            for i in range(p):
+                size += block[i, i] / p
+        else:
+            size = largest_eigenvalue(block, p)
     if not size > 0.0:
         belief.broken = 1
-    return 0.5 * p * np.log(size)
+        return np.nan
+    return size
+
+
+@inline
+def nats(belief, dispersed, criterion):
+    """Nats that a dispersion stands for, or a ratio of two of them."""
+    return (0.5 if criterion == _LOGDET else 0.5 * belief.prior_theta.shape[0]) * np.log(dispersed)
+
+
+@inline
+def uncertainty_nats(belief, work, criterion):
+    """Uncertainty of theta in nats, 0 for the prior; NaN where `dispersion` is."""
+    return nats(belief, dispersion(belief, work, criterion), criterion)
 
 
 @inline

@@ -69,13 +69,13 @@ class TruthDriver:
         rows, work = self._fleet.rows, self._fleet.work
         task, report = rows.tasks[0], rows.reports[0]
         core.command(rows, work, action)
-        first = last = core.uncertainty_nats(rows.beliefs, work, task["criterion"])
+        first = core.uncertainty_nats(rows.beliefs, work, task["criterion"])
         for _ in range(task["samples"]):
             core.steer(rows, work)
             self.sample()
-            last = kernels.believe(rows, work)
+            kernels.believe(rows, work)
         if task["net"]:
-            report["information_gain"] = first - last
+            report["information_gain"] = first - core.uncertainty_nats(rows.beliefs, work, task["criterion"])
         core.conclude(rows, work)
         self._fleet.check(int(rows.beliefs["broken"][0]))
 

@@ -77,5 +77,5 @@ def measure(rows):
 
 @kernel
 def believe(rows, work):
-    """Give the filter the readings; uncertainty in nats afterwards."""
-    return episode.believe(rows.plants[0], rows.beliefs[0], rows.tasks[0], work[0], rows.reports[0])
+    """Give the filter the readings."""
+    episode.believe(rows.plants[0], rows.beliefs[0], rows.tasks[0], work[0], rows.reports[0])

@@ -30,7 +30,7 @@ import numpy as np
 
 from satid_gym.core.algebra import dot, factor, invert, load
 from satid_gym.core.belief.gating import STEP, distance
-from satid_gym.core.jit import inline, outline
+from satid_gym.core.jit import inline, inline_disjoint, outline, outline_disjoint
 from satid_gym.core.records import FLOAT, INT
 
 _LOG_Q_VARIANCE = 4.0  # of e before the first reading, and at most
@@ -140,12 +140,12 @@ def predict(belief, dt):
 
 
 @inline
-def has_stepped(belief, work, support):
-    """Whether the whitened reading in work, of so many columns, says that the inertia has stepped."""
+def has_stepped(belief, work):
+    """Whether the whitened reading in work says that the inertia has stepped."""
     innovation = load(work.innovation)
     if belief.adaptation.since_step < _STEP_HOLDOFF or dot(innovation, innovation) <= _STEP_DISTANCE:
         return False  # dot(innovation, innovation) is never less than the distance
-    return distance(belief, work, support) > _STEP_DISTANCE
+    return distance(belief, work) > _STEP_DISTANCE
 
 
 @inline
@@ -176,7 +176,7 @@ def keep(belief, work):
             kept.P[i, j] = belief.covariance[3 + i, 3 + j]
 
 
-@outline
+@outline_disjoint
 def learn(belief, work):
     """Update e and its derivatives by what an update has done to theta since `keep`."""
     p = belief.theta_scale.shape[0]
@@ -238,7 +238,7 @@ def _update_slopes(state, w):
             D[i, j] = product[i, j]
 
 
-@inline
+@inline_disjoint
 def _multiply(a, b, out):
     """out = a b, square matrices."""
     size = out.shape[0]

@@ -218,15 +218,7 @@ def linearise(belief, work, reading):
     for i in range(3):
         for j in range(size):
             rows[i, j] = 1.0 if j == state.first + i else 0.0
-    momentum_model.whiten(work, _noise(state), size)
-
-
-@inline
-def finish(belief, work):
-    """Leave the rows of psi as those of a gyro's reading, which does not depend on it, are: 0."""
-    for i in range(3):
-        for j in range(3):
-            work.rows[i, belief.attitude.first + j] = 0.0
+    momentum_model.whiten(work, _noise(state))
 
 
 @inline

@@ -148,17 +148,17 @@ def is_repeated(belief, gyro):
 
 
 @inline
-def distance(belief, work, support):
+def distance(belief, work):
     """Normalised innovation squared of the whitened reading in work.rows and work.innovation."""
-    rows, covariance, ph = work.rows, belief.covariance, work.ph
+    rows, covariance, ph, size = work.rows, belief.covariance, work.ph, belief.mean.shape[0]
     s = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
     for i in range(3):
-        for a in range(support):
+        for a in range(size):
             ph[a] = 0.0
-            for b in range(support):
+            for b in range(size):
                 ph[a] += covariance[a, b] * rows[i, b]
         x = y = z = 0.0
-        for a in range(support):
+        for a in range(size):
             x += rows[0, a] * ph[a]
             y += rows[1, a] * ph[a]
             z += rows[2, a] * ph[a]
@@ -173,7 +173,7 @@ def distance(belief, work, support):
 
 
 @inline
-def validate(belief, work, support):
+def validate(belief, work):
     """Normalised innovation squared of a reading that is rejected; else ACCEPTED, REINITIALISE or STEPPED.
 
     A run of rejections inflates the covariance, for the inertia may have stepped (STEPPED: accept the reading), or
@@ -182,7 +182,7 @@ def validate(belief, work, support):
     innovation = load(work.innovation)
     nis = 0.0
     if dot(innovation, innovation) > belief.gate.threshold:  # never less than the distance
-        nis = distance(belief, work, support)
+        nis = distance(belief, work)
     if nis <= belief.gate.threshold:
         belief.gate.rejections = 0
         return ACCEPTED

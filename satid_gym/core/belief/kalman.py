@@ -15,7 +15,7 @@ from satid_gym.core.algebra import (
     is_positive_definite,
 )
 from satid_gym.core.belief.modes import body_inertia_of, moving
-from satid_gym.core.jit import inline, outline
+from satid_gym.core.jit import inline, inline_disjoint, outline_disjoint
 
 _FLOOR = 0.05  # of the prior inertia: below it an estimate is not believed
 _HALVINGS_MAX = 40
@@ -84,24 +84,42 @@ def write_cross_times(v, s, out):
     out[2, 0], out[2, 1], out[2, 2] = x * s[3] - y * s[0], x * s[1] - y * s[3], x * s[5] - y * s[4]
 
 
+@inline_disjoint
+def _times(rows, matrix, out, count):
+    """out = rows matrix, of the first `count` rows; a square matrix."""
+    size = matrix.shape[0]
+    for r in range(count):
+        for j in range(size):
+            total = 0.0
+            for k in range(size):
+                total += rows[r, k] * matrix[k, j]
+            out[r, j] = total
+
+
+@inline_disjoint
+def _weigh(weights, matrix, out):
+    """out = matrix^T weights; a square matrix."""
+    for j in range(matrix.shape[0]):
+        total = 0.0
+        for k in range(matrix.shape[0]):
+            total += weights[k] * matrix[k, j]
+        out[j] = total
+
+
+@inline_disjoint
+def _subtract_square(v, matrix):
+    """matrix -= v v^T."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[0]):
+            matrix[i, j] -= v[i] * v[j]
+
+
 @inline
 def propagate(belief, work, dt):
     """P = F P F^T + Q, with F's rows of `modes.moving` in work.transition and Q the random walks over dt."""
     covariance, transition, product = belief.covariance, work.transition, work.product
     size, moved = belief.mean.shape[0], 3 + 2 * belief.modes.coupling.shape[0]
-    for j in range(size):
-        x = y = z = 0.0
-        for k in range(size):
-            c = covariance[j, k]
-            x += transition[0, k] * c
-            y += transition[1, k] * c
-            z += transition[2, k] * c
-        product[0, j], product[1, j], product[2, j] = x, y, z
-        for r in range(3, moved):
-            total = 0.0
-            for k in range(size):
-                total += transition[r, k] * covariance[j, k]
-            product[r, j] = total
+    _times(transition, covariance, product, moved)
     for i in range(3):
         for j in range(i, 3):
             total = 0.0
@@ -125,15 +143,14 @@ def propagate(belief, work, dt):
         covariance[i, i] += belief.walk[i] ** 2 * dt
 
 
-@outline
-def update(belief, work, rows, support):
+@outline_disjoint
+def update(belief, work, rows):
     """Condition on the whitened measurements in work.rows and work.innovation, one scalar at a time.
 
-    Each scalar has unit noise: work.innovation[r] = work.rows[r] . (x - mean) + N(0, 1); only the first
-    `support` entries of a row are used. Joseph's form (1 - K h) P (1 - K h)^T + K K^T, expanded so that P
-    stays symmetric; its second half, which mends rounding, is left out where little cancels. Returns the
-    normalised innovation squared, chi-square with `rows` degrees of freedom, and leaves the normalised innovation in
-    work.normalised.
+    Each scalar has unit noise: work.innovation[r] = work.rows[r] . (x - mean) + N(0, 1). Joseph's form
+    (1 - K h) P (1 - K h)^T + K K^T, expanded so that P stays symmetric; its second half, which mends rounding, is left
+    out where little cancels. Returns the normalised innovation squared, chi-square with `rows` degrees of freedom, and
+    leaves the normalised innovation in work.normalised.
     """
     covariance, ph, gain, delta = belief.covariance, work.ph, work.gain, work.delta
     size = belief.mean.shape[0]
@@ -142,34 +159,24 @@ def update(belief, work, rows, support):
         delta[i] = 0.0
     for r in range(rows):
         h = work.rows[r]
-        for i in range(size):
-            ph[i] = 0.0
-        for k in range(support):
-            if h[k] != 0.0:
-                for i in range(size):
-                    ph[i] += covariance[k, i] * h[k]
+        _weigh(h, covariance, ph)
         variance, innovation = 1.0, work.innovation[r]
-        for k in range(support):
+        for k in range(size):
             variance += h[k] * ph[k]
             innovation -= h[k] * delta[k]
         nis += innovation * innovation / variance
-        work.innovation_variance[r], work.normalised[r] = variance, innovation / np.sqrt(variance)
+        per_variance, per_std = 1.0 / variance, 1.0 / np.sqrt(variance)
+        work.innovation_variance[r], work.normalised[r] = variance, innovation * per_std
         for i in range(size):
-            gain[i] = ph[i] / variance
+            gain[i] = ph[i] * per_variance
             delta[i] += gain[i] * innovation
-            ph[i] /= np.sqrt(variance)
-        for i in range(size):
-            for j in range(size):
-                covariance[i, j] -= ph[i] * ph[j]
+            ph[i] *= per_std
+        _subtract_square(ph, covariance)
         if variance < _CANCELLATION:
             continue
         # what cancellation left of P h, and how far that is from the gain that theory gives
         remainder = work.remainder
-        for i in range(size):
-            remainder[i] = 0.0
-        for k in range(support):
-            for i in range(size):
-                remainder[i] += covariance[k, i] * h[k]
+        _weigh(h, covariance, remainder)
         for i in range(size):
             remainder[i] = 0.5 * (remainder[i] - gain[i])
         for i in range(size):

@@ -132,7 +132,7 @@ def condition(belief, work, gyro):
     if gated:
         decision = gating.REINITIALISE
         if not gating.is_momentum_lost(belief):
-            decision = gating.validate(belief, work, momentum_model.support(belief))
+            decision = gating.validate(belief, work)
         if decision > 0.0:
             return decision
         if decision == gating.REINITIALISE:

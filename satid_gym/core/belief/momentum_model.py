@@ -120,6 +120,8 @@ def linearise(belief, work, gyro):
             rows[i, j] = jacobian[i, j]
         for k in range(p):
             rows[i, 3 + k] = work.regressor[i, k]
+        for j in range(3 + p, rows.shape[1]):
+            rows[i, j] = 0.0
     filled = 3 + p
     if belief.modes.coupling.shape[0] > 0:
         modes.write_rate_errors(belief, belief.mean, likely, rows)
@@ -134,14 +136,7 @@ def linearise(belief, work, gyro):
     if belief.alignment.noise_taps > 0:  # the tachometers' noise is in the states
         noise = add_diagonal(belief.gyro_std**2, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     store(work.innovation, residual)
-    whiten(work, axpy_symmetric(belief.whiteness.factor - 1.0, noise, noise), support(belief))
-
-
-@inline
-def support(belief):
-    """Number of first states that a reading depends on, as far as its rows are filled."""
-    rigid = belief.calibration.states == 0 and belief.modes.coupling.shape[0] == 0  # nothing but tau, psi follows
-    return 3 + belief.prior_theta.shape[0] if rigid else belief.mean.shape[0]
+    whiten(work, axpy_symmetric(belief.whiteness.factor - 1.0, noise, noise))
 
 
 @inline
@@ -152,7 +147,7 @@ def body_momentum(belief):
 
 
 @inline
-def whiten(work, noise, support):
+def whiten(work, noise):
     """Divide rows and innovation by the Cholesky factor of their noise covariance."""
     rows, innovation = work.rows, work.innovation
     l00 = np.sqrt(noise[0])
@@ -160,7 +155,7 @@ def whiten(work, noise, support):
     l11 = np.sqrt(noise[1] - l10 * l10)
     l21 = (noise[5] - l20 * l10) / l11
     l22 = np.sqrt(noise[2] - l20 * l20 - l21 * l21)
-    for j in range(support):
+    for j in range(rows.shape[1]):
         r0 = rows[0, j] / l00
         r1 = (rows[1, j] - l10 * r0) / l11
         rows[0, j], rows[1, j], rows[2, j] = r0, r1, (rows[2, j] - l20 * r0 - l21 * r1) / l22

@@ -14,8 +14,7 @@ _STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia 
 @outline
 def update_gyro(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
-    support = momentum_model.support(belief)
-    if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work, support):
+    if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
         if belief.attitude.on != 0:
             attitude.forget(belief)
@@ -25,12 +24,12 @@ def update_gyro(belief, work, gyro):
         belief.stepped = 0
     if belief.rate_coordinates != 0 and belief.stepped == 0:
         coarse = is_coarse(belief)
-        nis = _update_rate(belief, work, support)
+        nis = _update_rate(belief, work)
         if not coarse or whiteness.is_inflated(belief):
             whiteness.note(belief, work)
         return nis
     if not is_coarse(belief):
-        nis = _update_once(belief, work, support)
+        nis = _update_once(belief, work)
         whiteness.note(belief, work)
         return nis
     if belief.adaptation.on != 0:
@@ -43,10 +42,10 @@ def update_gyro(belief, work, gyro):
             modes.refresh(belief)
             momentum_model.linearise(belief, work, gyro)
         for r in range(3):
-            for k in range(support):
+            for k in range(size):
                 work.innovation[r] -= work.rows[r, k] * (prior_mean[k] - belief.mean[k])
         _copy(prior_mean, prior, belief.mean, belief.covariance, size)
-        nis = update(belief, work, 3, support)
+        nis = update(belief, work, 3)
     belief.constrained_updates = min(belief.constrained_updates, constrained_updates + 1)
     if whiteness.is_inflated(belief):
         whiteness.note(belief, work)
@@ -54,18 +53,18 @@ def update_gyro(belief, work, gyro):
 
 
 @inline
-def _update_once(belief, work, support):
+def _update_once(belief, work):
     """Update by what is in work, in errors of the momentum."""
     if belief.adaptation.on != 0:
         adaptation.keep(belief, work)
-    nis = update(belief, work, 3, support)
+    nis = update(belief, work, 3)
     if belief.adaptation.on != 0:
         adaptation.learn(belief, work)
     return nis
 
 
 @inline
-def _update_rate(belief, work, support):
+def _update_rate(belief, work):
     """The same in errors of the rate, in which one linearisation will do.
 
     Not after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
@@ -77,7 +76,7 @@ def _update_rate(belief, work, support):
     if adapts:
         adaptation.keep(belief, work)
     retraction.begin(belief, work)
-    nis = update(belief, work, 3, support)
+    nis = update(belief, work, 3)
     if adapts:
         adaptation.learn(belief, work)
     retraction.finish(belief, work)
@@ -110,14 +109,11 @@ def update_attitude(belief, work, reading):
         attitude.forget(belief)
     elif attitude.is_known(belief):
         attitude.linearise(belief, work, reading)
-        size = belief.mean.shape[0]
-        if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work, size):
+        if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
             adaptation.step(belief)
-            attitude.finish(belief, work)
             attitude.forget(belief)
             return nis
-        nis = _update_once(belief, work, size) if belief.stepped != 0 else _update_rate(belief, work, size)
-        attitude.finish(belief, work)
+        nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)
         attitude.take_up(belief)
     else:
         attitude.begin(belief, reading)

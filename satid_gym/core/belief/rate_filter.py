@@ -121,14 +121,14 @@ def condition(belief, work, gyro, tachometer):
     for i in range(3):
         _write_row(belief, work, i, i, gyro[i], belief.gyro_std)
     _write_wheel_rows(belief, work, 3, tachometer)
-    return update(belief, work, 3 + tachometer.shape[0], belief.mean.shape[0])
+    return update(belief, work, 3 + tachometer.shape[0])
 
 
 @outline
 def condition_wheels(belief, work, tachometer):
     """Update with tachometer (n,) alone; normalised innovation squared, n degrees of freedom."""
     _write_wheel_rows(belief, work, 0, tachometer)
-    return update(belief, work, tachometer.shape[0], belief.mean.shape[0])
+    return update(belief, work, tachometer.shape[0])
 
 
 @inline

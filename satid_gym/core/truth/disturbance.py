@@ -22,6 +22,15 @@ def orbit_phase(plant, t):
 
 
 @inline
+def orbit_phases(plant, t, h):
+    """`orbit_phase` at t, t + h and t + 2 h."""
+    cosine, sine = orbit_phase(plant, t)
+    c, s = orbit_phase(plant, h)
+    x, y = c * cosine - s * sine, c * sine + s * cosine
+    return (cosine, sine), (x, y), (c * x - s * y, c * y + s * x)
+
+
+@inline
 def external_torque(plant, phase, q, inertia):
     """Gravity gradient 3 n^2 r x J r, solar pressure, constant and orbit-periodic torque, body frame, N m.
 

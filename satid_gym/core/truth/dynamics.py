@@ -15,35 +15,36 @@ from __future__ import annotations
 from satid_gym.core.algebra import add, axpy, axpy_symmetric, cross, inverse, load, multiply, store, subtract
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.truth import oscillators
-from satid_gym.core.truth.disturbance import external_torque, orbit_phase
+from satid_gym.core.truth.disturbance import external_torque
 from satid_gym.core.truth.inertia_law import inertia_at
 from satid_gym.core.wheels import along_axis, sum_wheels, wheel_axis
 
 
 @inline
 def conditions(plant, free, t):
-    """What the derivative takes from the time alone: J(t), J - A j A^T, its inverse and the orbit's phase.
+    """What the derivative takes from the inertia at time t alone: J(t), J - A j A^T and its inverse.
 
     `free` is A j A^T of the wheels that are not locked (symmetric), kg m^2.
     """
     inertia = inertia_at(plant, t)
     rest = axpy_symmetric(-1.0, free, inertia)
-    return inertia, rest, inverse(rest), orbit_phase(plant, t)
+    return inertia, rest, inverse(rest)
 
 
-@outline
-def derivative(plant, at, state, wheels, stage):
+@inline
+def derivative(plant, at, phase, state, wheels, stage):
     """Derivative (dM/dt, dq/dt) of the state (M, q), and omega; oscillators have theirs beside it, see `state`.
 
     Args:
         plant: truth.
         at: `conditions` of the instant.
+        phase: of the orbit, see `disturbance.orbit_phase`.
         state: see `satid_gym.core.truth.state`.
         wheels: A h of the wheels, N m s.
         stage: of the Runge-Kutta method, 0 to 3.
     """
     m, q = state
-    inertia, rest, J_inv, phase = at
+    inertia, rest, J_inv = at
     residual = subtract(m, wheels)
     if plant.oscillators.mass.shape[0] == 0:
         omega = multiply(J_inv, residual)
@@ -91,6 +92,12 @@ def set_speeds(plant):
         omega = multiply(inverse(rest), residual)
     else:
         omega = oscillators.rate_at(o, rest, residual, o.deflection, o.momentum)
+    write_speeds(plant, omega)
+
+
+@inline
+def write_speeds(plant, omega):
+    """Write rate and wheel speed of the momenta, which make the body turn with omega."""
     store(plant.rate, omega)
     for k in range(plant.locked.shape[0]):
         speed = plant.wheel_momentum[k] / plant.wheel_inertia[k]

@@ -8,7 +8,8 @@ from satid_gym.core.algebra import axpy_symmetric, load_symmetric, scale_symmetr
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import InertiaMode
 
-_STEP, _DRIFT, _PERIODIC, _TABLE = (
+_STATIC, _STEP, _DRIFT, _PERIODIC, _TABLE = (
+    int(InertiaMode.STATIC),
     int(InertiaMode.STEP),
     int(InertiaMode.DRIFT),
     int(InertiaMode.PERIODIC),
@@ -22,6 +23,12 @@ _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def steps(plant):
     """Whether J steps at law_time."""
     return plant.law == _STEP or plant.law == _RELEASE
+
+
+@inline
+def varies(plant):
+    """Whether J moves between steps."""
+    return plant.law != _STATIC and not steps(plant)
 
 
 @inline

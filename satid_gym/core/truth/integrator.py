@@ -10,9 +10,10 @@ import numpy as np
 from satid_gym.core.algebra import axpy, axpy_symmetric, dot, inverse, load, multiply, norm, subtract
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.truth import friction, oscillators
-from satid_gym.core.truth.dynamics import conditions, derivative, free_wheel_inertia, set_speeds, sum_free
+from satid_gym.core.truth.disturbance import orbit_phases
+from satid_gym.core.truth.dynamics import conditions, derivative, free_wheel_inertia, set_speeds, sum_free, write_speeds
 from satid_gym.core.truth.increments import add_increments
-from satid_gym.core.truth.inertia_law import inertia_at, law_turn, next_bend
+from satid_gym.core.truth.inertia_law import inertia_at, law_turn, next_bend, varies
 from satid_gym.core.truth.speed_limit import AT_LIMIT, hold_or_release, limit_speeds, overspeed, present_overspeed
 from satid_gym.core.truth.state import add_state, axpy_state, load_state, store_state
 from satid_gym.core.truth.step import take_step
@@ -42,22 +43,25 @@ def _rk4(plant, torque, h):
     push = sum_free(plant, torque)
     half, end = axpy(0.5 * h, push, start), axpy(h, push, start)
     rubs, middle_half = plant.rubs != 0, half
-    middle, last = conditions(plant, free, t + 0.5 * h), conditions(plant, free, t + h)
+    first = middle = last = conditions(plant, free, t)
+    if varies(plant):
+        middle, last = conditions(plant, free, t + 0.5 * h), conditions(plant, free, t + h)
+    phases = orbit_phases(plant, t, 0.5 * h)
     o = plant.oscillators
     oscillators.begin_stage(o, 0.0, 0)
-    k1, omega = derivative(plant, conditions(plant, free, t), x, start, 0)
+    k1, omega = derivative(plant, first, phases[0], x, start, 0)
     if rubs:
         half = friction.wheels_after(plant, torque, 0, h, omega)
     oscillators.begin_stage(o, 0.5 * h, 0)
-    k2, omega = derivative(plant, middle, axpy_state(0.5 * h, k1, x), half, 1)
+    k2, omega = derivative(plant, middle, phases[1], axpy_state(0.5 * h, k1, x), half, 1)
     if rubs:
         middle_half = friction.wheels_after(plant, torque, 1, h, omega)
     oscillators.begin_stage(o, 0.5 * h, 1)
-    k3, omega = derivative(plant, middle, axpy_state(0.5 * h, k2, x), middle_half, 2)
+    k3, omega = derivative(plant, middle, phases[1], axpy_state(0.5 * h, k2, x), middle_half, 2)
     if rubs:
         end = friction.wheels_after(plant, torque, 2, h, omega)
     oscillators.begin_stage(o, h, 2)
-    k4, omega = derivative(plant, last, axpy_state(h, k3, x), end, 3)
+    k4, omega = derivative(plant, last, phases[2], axpy_state(h, k3, x), end, 3)
     if rubs:
         end = friction.wheels_after(plant, torque, 3, h, omega)
     oscillators.end_step(o, h)
@@ -146,8 +150,10 @@ def integrate(plant, torque, duration):
                 plant.wheel_momentum[k] += h * net[k]
         store_state(plant, state)
         plant.time = stop
-        take_step(plant)
-        set_speeds(plant)
+        if take_step(plant):
+            set_speeds(plant)
+        else:
+            write_speeds(plant, omega)
         limit_speeds(plant)
 
 

@@ -14,11 +14,12 @@ from satid_gym.core.truth.inertia_law import is_released, steps
 
 @inline
 def take_step(plant):
-    """Let J step where the time of its step has come."""
+    """Let J step where the time of its step has come; whether it does."""
     if not steps(plant) or plant.stepped != 0 or plant.time < plant.law_time:
-        return
+        return False
     if is_released(plant):
         set_speeds(plant)
         left = multiply(load_symmetric(plant.change), load(plant.rate))
         store(plant.momentum, add(load(plant.momentum), left))
     plant.stepped = 1
+    return True
