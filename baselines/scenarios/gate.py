@@ -13,7 +13,8 @@ Flies, by body rates, from nothing to an oracle:
 Where there are imaging windows an operator flies too, who turns to the targets and does no more, and all others but
 zero and random excite in the gaps between windows alone.
 
-The oracle searches settings of that closed loop alone: what it finds bounds that family of excitations, not all.
+The oracle searches settings of that closed loop alone, in `slosh` corners of `corner_tour`: what it finds bounds that
+family of excitations, not all.
 
 Settings are chosen on tuning seeds and flown on validation seeds. What is compared is the error that the filter
 expects, its mean over the flight, and not the one that is found at its end: of many plans an oracle would else choose a

@@ -17,7 +17,8 @@ from baselines.scenarios.plans.shaped import ShapedPlan
 from baselines.scenarios.plans.swing import SwingPlan
 from baselines.scenarios.plans.window import WindowPlan
 
-_POPULATION, _ROUNDS = 32, 6  # of the search, for each episode
+_EFFORT = {CornerPlan: (64, 12)}  # population and rounds of the search, for each episode
+_EFFORT_ELSE = (32, 6)
 _ELITE = 0.25  # of the population
 _SPREAD = 0.6  # std of the first population about the typical settings
 _STRAY = 100.0  # by which a cost beyond its limit counts in the search
@@ -36,8 +37,8 @@ def search(
     cell: Cell,
     seeds: Sequence[int],
     limit: float,
-    population: int = _POPULATION,
-    rounds: int = _ROUNDS,
+    population: int | None = None,
+    rounds: int | None = None,
     ray: str | None = None,
 ) -> Flown:
     """Of each episode the best flight that the cross-entropy method has found.
@@ -46,11 +47,14 @@ def search(
         cell: what is flown.
         seeds: of the episodes.
         limit: of each cost.
-        population: settings that are flown of each episode in a round.
-        rounds: how often.
+        population: settings that are flown of each episode in a round; None: those of the plan.
+        rounds: how often; None: those of the plan.
         ray: address of a cluster that searches, an episode a task; see `baselines.command.cluster`.
     """
-    draws = np.random.default_rng(0).standard_normal((rounds, len(seeds), population, PLANS[cell.scenario].size))
+    plan = PLANS[cell.scenario]
+    usual = _EFFORT.get(plan, _EFFORT_ELSE)
+    shape = rounds or usual[1], len(seeds), population or usual[0], plan.size
+    draws = np.random.default_rng(0).standard_normal(shape)
     if ray is None:
         return _search(cell, seeds, limit, draws)
     calls = [(cell, [seed], limit, draws[:, [i]]) for i, seed in enumerate(seeds)]
