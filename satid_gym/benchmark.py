@@ -41,9 +41,17 @@ def _best_rate(work: Callable[[], int]) -> float:
     return max(rates)
 
 
-def vector_rate(num_envs: int, num_threads: int | None = None, estimator: str | None = None) -> float:
+def vector_rate(
+    num_envs: int,
+    num_threads: int | None = None,
+    estimator: str | None = None,
+    satellite: str = "random",
+    scenario: str = "default",
+) -> float:
     """Filter steps a second of whole environment steps: noise, truth, filter, reward, observation, info."""
-    env = SatInertiaIDVectorEnv(num_envs, satellite="random", estimator=estimator, num_threads=num_threads)
+    env = SatInertiaIDVectorEnv(
+        num_envs, satellite=satellite, scenario=scenario, estimator=estimator, num_threads=num_threads
+    )
     env.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-0.3, 0.3, (2, num_envs, 3)).astype(np.float32)
     actions[1] = -actions[0]
@@ -155,6 +163,10 @@ def measure() -> dict[str, Any]:
         "vector_1024_one_thread_filter_steps_per_s": vector_rate(1024, num_threads=1),
         "vector_64_filter_steps_per_s": vector_rate(64),
         "vector_1024_one_walk_filter_steps_per_s": vector_rate(1024, estimator="momentum"),
+        **{
+            f"vector_256_{name}_filter_steps_per_s": vector_rate(256, satellite="microsat", scenario=name)
+            for name in ("default", "flex", "slosh", "calibration")
+        },
         "single_decisions_per_s": single_rate(),
         "filter_compiled_steps_per_s": compiled,
         "filter_filterpy_steps_per_s": reference,

@@ -34,6 +34,14 @@ def benchmark_table(figures: Mapping[str, Any]) -> str:
             f"{figures['vector_1024_one_walk_filter_steps_per_s'] / 1e6:.2f} million",
         ),
         (
+            "256 environments of microsat in `default`; `flex`; `slosh`; `calibration`",
+            "; ".join(
+                f"{figures[f'vector_256_{name}_filter_steps_per_s'] / 1e6:.2f}"
+                for name in ("default", "flex", "slosh", "calibration")
+            )
+            + " million",
+        ),
+        (
             "`gymnasium.make`",
             f"{figures['single_decisions_per_s'] / 1e3:.0f} thousand decisions a second, ten filter steps each",
         ),

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 EQUIVALENT: dict[str, dict[str, str]] = {
     "core/reward": {
-        "uncertainty_nats: if not product > 0.0: -> if not product >= 0.0:": (
-            "factor gives a positive product or -1, never 0"
-        ),
+        "dispersion: if not size > 0.0: -> if not size >= 0.0:": "factor gives a positive product or -1, never 0",
     },
     "core/truth/draw": {
         "_draw_body: low = -1.0 if plant.law == _PERIODIC else 0.0 -> low = -1.0 if plant.law == _PERIODIC else 1.0": (
