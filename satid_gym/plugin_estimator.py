@@ -126,7 +126,7 @@ class PluginFilter:
         rows, work = self._fleet.rows, self._fleet.work
         plant, task, report = rows.plants[0], rows.tasks[0], rows.reports[0]
         kernels.command(rows, work, action)
-        first = self._uncertainty()
+        first = self._uncertainty() if task["net"] else 0.0
         gain = 0.0
         for _ in range(task["samples"]):
             kernels.steer(rows, work)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from satid_gym import SATELLITES, Disturbance, InertiaLaw, SatInertiaIDEnv, SatInertiaIDVectorEnv, simulate
+from satid_gym.friction import WheelFriction
 
 pytestmark = pytest.mark.compiled
 
@@ -76,6 +77,16 @@ def rollouts() -> dict[str, np.ndarray]:
             },
         ),
         "tight": episode(satellite="smallsat", scenario="tight", inertia="static"),
+        **{
+            name: episode(decisions=4, inertia="periodic", scenario=name, control="rate")
+            for name in ("flex", "slosh", "calibration", "operations")
+        },
+        "rubbing": episode(
+            satellite=microsat.replace(
+                wheels=microsat.wheels.replace(friction=WheelFriction(coulomb=1e-3, static=2e-3, viscous=1e-5))
+            )
+        ),
+        "released": episode(inertia=InertiaLaw("release", mass=5.0, place=(0.0, 0.2, -0.3), time=3.3)),
     }
 
 

@@ -27,7 +27,7 @@ DOORS = {  # the one place of a package that may
 }
 TRUTH, BELIEF = "satid_gym.core.truth", "satid_gym.core.belief"
 QUESTIONS = ("What", "How", "Where", "Which", "From", "Does")
-JITTED = ("kernel", "inline", "outline")
+JITTED = ("kernel", "inline", "inline_disjoint", "outline", "outline_disjoint")
 LINES_MAX, MODULES_MAX, ARGUMENTS_MAX = 250, 10, 8
 LONGER = {  # files of more than 250 lines, and why
     "satid_gym/env.py": "the docstring is the environment's specification",

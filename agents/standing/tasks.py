@@ -15,7 +15,7 @@ import numpy as np
 
 from baselines.command.provenance import revision
 from baselines.scenarios.flights import Cell, Flown, flown
-from baselines.scenarios.oracle import PLANS, search
+from baselines.scenarios.oracle import PLANS, effort, search
 from baselines.scenarios.tune import tuned
 from baselines.studies.performance_bound import performance_bound
 from baselines.studies.timing import TimedPolicy
@@ -112,7 +112,8 @@ def tasks_of(cell: Cell, episodes: Episodes, learned: Sequence[LearnedPolicy]) -
     rows += [_policy(cell, episodes, {}, policy) for policy in learned if not misfit(policy, cell)]
     if episodes.oracle and cell.scenario in PLANS:
         chosen = seeds(episodes.split, episodes.oracle)
-        identity = {**_where(cell), "policy": ORACLE, "seeds": chosen, "cost": episodes.cost}
+        searched = {"plan": PLANS[cell.scenario].__name__, "effort": effort(cell.scenario)}
+        identity = {**_where(cell), "policy": ORACLE, "seeds": chosen, "cost": episodes.cost, **searched}
         rows.append(
             Task(
                 cell=cell,

@@ -33,6 +33,11 @@ PLANS: dict[str, type[CornerPlan | ShapedPlan | SwingPlan | WindowPlan]] = {
 """Plan that the oracle searches, by scenario: a policy of points (N, size), 0 the typical one."""
 
 
+def effort(scenario: str) -> tuple[int, int]:
+    """Population and rounds of the search in a scenario."""
+    return _EFFORT.get(PLANS[scenario], _EFFORT_ELSE)
+
+
 def search(
     cell: Cell,
     seeds: Sequence[int],
@@ -47,14 +52,13 @@ def search(
         cell: what is flown.
         seeds: of the episodes.
         limit: of each cost.
-        population: settings that are flown of each episode in a round; None: those of the plan.
-        rounds: how often; None: those of the plan.
+        population: settings that are flown of each episode in a round; None: as `effort` says.
+        rounds: how often; None: likewise.
         ray: address of a cluster that searches, an episode a task; see `baselines.command.cluster`.
     """
-    plan = PLANS[cell.scenario]
-    usual = _EFFORT.get(plan, _EFFORT_ELSE)
-    shape = rounds or usual[1], len(seeds), population or usual[0], plan.size
-    draws = np.random.default_rng(0).standard_normal(shape)
+    usual = effort(cell.scenario)
+    population, rounds = population or usual[0], rounds or usual[1]
+    draws = np.random.default_rng(0).standard_normal((rounds, len(seeds), population, PLANS[cell.scenario].size))
     if ray is None:
         return _search(cell, seeds, limit, draws)
     calls = [(cell, [seed], limit, draws[:, [i]]) for i, seed in enumerate(seeds)]

@@ -41,6 +41,9 @@ class CornerTour:
         share, caution: see `ObservedModes`.
         features: that a score takes, by name.
 
+    Attributes:
+        side: (N, 3) of each axis, -1 or 1.
+
     Raises:
         ValueError: a number is out of range, the environment takes torques, or modes, or the walk that features take,
             are not observed.
@@ -77,7 +80,7 @@ class CornerTour:
 
     def begin(self, episodes: int) -> None:
         """Begin that many episodes."""
-        self._side = np.ones((episodes, 3))
+        self.side = np.ones((episodes, 3))
         self._waited = np.tile(self._hold * _FIRST_WAITS, (episodes, 1))
 
     def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
@@ -86,7 +89,7 @@ class CornerTour:
         corners = np.broadcast_to(corners, (len(observation), *CORNERS.shape))
         modes = self._modes.read(observation)
         peak = self._modes.peaks_of_turns(modes, corners)
-        reverses = self._side[:, None] != CORNERS
+        reverses = self.side[:, None] != CORNERS
         scores = self._waits(reverses)
         if score is not None:
             choice = Choice(
@@ -104,7 +107,7 @@ class CornerTour:
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
-        self._side = CORNERS[best]
+        self.side = CORNERS[best]
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._world.decision_period
         return corners[episodes, best]
 

@@ -136,12 +136,10 @@ def decide(rows, i, action, work):
     """One decision of row i."""
     plant, belief, task, report = rows.plants[i], rows.beliefs[i], rows.tasks[i], rows.reports[i]
     command(plant, task, work, report, action)
-    first = 0.0
+    first = uncertainty_nats(belief, work, task.criterion) if task.net != 0 else 0.0
     for step in range(task.samples):
         steer(plant, belief, task, work, report)
         sample(plant, task, work, report)
-        if step == 0 and task.net != 0:
-            first = uncertainty_nats(belief, work, task.criterion)
         believe(plant, belief, task, work, report)
         if rows.logs.shape[1] > 0:
             log_sample(rows.logs[i, step], plant, belief)

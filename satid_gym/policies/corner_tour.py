@@ -29,6 +29,7 @@ class CornerTourPolicy:
     name = "corner_tour"
     kind: Kind = "closed_loop"
     observation = "body"
+    _features: tuple[str, ...] = ()
 
     def __init__(self, hold: float = HOLD, share: float = 0.9, caution: float = 1.0, margin: float = 3.5) -> None:
         self.hold = check_number("hold", hold, strict=True)
@@ -42,7 +43,7 @@ class CornerTourPolicy:
         Raises:
             ValueError: the environment takes torques, or the satellite has modes that are not observed.
         """
-        self._tour = CornerTour([mission], self.margin, self.hold, self.share, self.caution)
+        self._tour = CornerTour([mission], self.margin, self.hold, self.share, self.caution, self._features)
         self._tour.begin(len(seeds))
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:

@@ -69,7 +69,7 @@ class TruthDriver:
         rows, work = self._fleet.rows, self._fleet.work
         task, report = rows.tasks[0], rows.reports[0]
         core.command(rows, work, action)
-        first = core.uncertainty_nats(rows.beliefs, work, task["criterion"])
+        first = core.uncertainty_nats(rows.beliefs, work, task["criterion"]) if task["net"] else 0.0
         for _ in range(task["samples"]):
             core.steer(rows, work)
             self.sample()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from baselines.scenarios.plans.shaped import with_true_modes
-from satid_gym.control.corners import CORNERS, CornerTour
+from satid_gym.control.corners import CORNERS
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policy import Mission
 from satid_gym.vector import SatInertiaIDVectorEnv
@@ -24,6 +24,7 @@ class CornerPlan(CornerTourPolicy):
     """
 
     size = _LEGS * len(CORNERS)
+    _features = ("waited",)
 
     def __init__(self, points: np.ndarray) -> None:
         super().__init__(caution=0.0)
@@ -31,18 +32,16 @@ class CornerPlan(CornerTourPolicy):
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare, each episode at its first leg."""
-        self._tour = CornerTour([mission], self.margin, self.hold, self.share, self.caution, features=("waited",))
-        self._tour.begin(len(seeds))
+        super().reset(mission, seeds)
         self._leg = np.zeros(len(seeds), int)
-        self._side = np.ones((len(seeds), 3))
         self._begins = True
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3)."""
         preference = self._preference[np.arange(len(observation)), np.minimum(self._leg, _LEGS - 1)]
+        before = self._tour.side
         action = self._tour(observation, lambda features: features[:, :, 0] + preference)
-        self._leg += (np.sign(action) != self._side).any(axis=1)
-        self._side = np.sign(action)
+        self._leg += (self._tour.side != before).any(axis=1)
         return action
 
     def told(self, env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Plan of the oracle where there are modes: `shaped_square`, told the true ones, with settings of each episode."""
+"""Plan of the oracle where panels ring: `shaped_square`, told the true ones, with settings of each episode."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def learn(belief, work):
     state, w = belief.adaptation, work.adaptation
     t, D, u, W = state.theta_slope, state.covariance_slope, w.P_inv_d, w.information_gain
     if factor(w.P, 0, p, work.block) < 0.0:
-        return  # broken, which `uncertainty_nats` finds
+        return  # broken, which `reward.dispersion` finds
     invert(work.block, p, w.P_inv)
     for i in range(p):
         w.d[i] = belief.mean[3 + i] - w.theta[i]

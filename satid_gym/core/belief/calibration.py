@@ -135,13 +135,13 @@ def write_start_rows(belief, omega, rows):
 
 
 @outline
-def complete_rows(belief, likely, rows, support):
+def complete_rows(belief, likely, rows, filled):
     """Turn rows (3, size) of omega by M and theta into those of the reading, and add its derivative by the errors.
 
-    `likely` (3,) is the rate at which the derivative is taken, `support` the columns that are filled.
+    `likely` (3,) is the rate at which the derivative is taken, `filled` the number of columns that are.
     """
     c = belief.calibration
-    for j in range(support):
+    for j in range(filled):
         rows[0, j], rows[1, j], rows[2, j] = _gain_times(belief, (rows[0, j], rows[1, j], rows[2, j]))
     for i in range(3):
         for j in range(3):

@@ -98,12 +98,13 @@ def _times(rows, matrix, out, count):
 
 @inline_disjoint
 def _weigh(weights, matrix, out):
-    """out = matrix^T weights; a square matrix."""
+    """out = matrix^T weights; a square matrix, and weights of which many may be 0."""
     for j in range(matrix.shape[0]):
-        total = 0.0
-        for k in range(matrix.shape[0]):
-            total += weights[k] * matrix[k, j]
-        out[j] = total
+        out[j] = 0.0
+    for k in range(matrix.shape[0]):
+        if weights[k] != 0.0:
+            for j in range(matrix.shape[0]):
+                out[j] += weights[k] * matrix[k, j]
 
 
 @inline_disjoint

@@ -22,7 +22,7 @@ from satid_gym.core.wheels import along_axis, sum_wheels, wheel_axis
 
 @inline
 def conditions(plant, free, t):
-    """What the derivative takes from the inertia at time t alone: J(t), J - A j A^T and its inverse.
+    """Inertia at time t as the derivative takes it: J(t), J - A j A^T and its inverse.
 
     `free` is A j A^T of the wheels that are not locked (symmetric), kg m^2.
     """
