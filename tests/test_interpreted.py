@@ -86,7 +86,7 @@ def rollouts() -> dict[str, np.ndarray]:
                 wheels=microsat.wheels.replace(friction=WheelFriction(coulomb=1e-3, static=2e-3, viscous=1e-5))
             )
         ),
-        "released": episode(inertia=InertiaLaw("release", mass=5.0, place=(0.0, 0.2, -0.3), time=3.3)),
+        "released": episode(decisions=5, inertia=InertiaLaw("release", mass=5.0, place=(0.0, 0.2, -0.3), time=3.3)),
     }
 
 
@@ -101,5 +101,5 @@ def test_compiled_and_interpreted_agree(tmp_path):
     assert sorted(compiled) == sorted(interpreted.files)
     for name, expected in compiled.items():
         size = np.abs(expected).max(axis=0) + 1e-3
-        assert np.abs((interpreted[name] - expected) / size).max() < 1e-12, name
+        assert np.abs((interpreted[name] - expected) / size).max() < 1e-11, name
         assert np.abs(expected).max() > 0.1
