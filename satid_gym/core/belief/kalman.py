@@ -111,8 +111,8 @@ def _weigh(weights, matrix, out):
 def _subtract_square(v, matrix):
     """matrix -= v v^T."""
     for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[0]):
-            matrix[i, j] -= v[i] * v[j]
+        for j in range(i, matrix.shape[0]):
+            matrix[i, j] = matrix[j, i] = matrix[i, j] - v[i] * v[j]
 
 
 @inline
