@@ -23,7 +23,7 @@ $(STAMP): pyproject.toml constraints.txt
 compare: setup  ## the main job: learned, scripted and reactive policies on every satellite and inertia mode
 	$(RUN) -m agents.compare
 
-compare-all: setup  ## the standing table: every policy in every scenario (two hours; stopped, it goes on where it was)
+compare-all: setup  ## the standing table: every policy in every scenario (an hour or two; stopped, it goes on where it was)
 	$(RUN) -m baselines.scenarios.tune
 	$(RUN) -m agents.standing
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from agents.docs.readme import RESULTS
-from agents.standing.summary import RUNGS
+from agents.standing.summary import RUNGS, ladder
 from baselines.command.markdown import table
 from baselines.scenarios.four_wheels import HEAD, summary
 from satid_gym.files import read_json
@@ -55,11 +56,9 @@ def planners() -> str:
 
 
 def ladders() -> str:
-    """The best of each kind in every scenario, from the committed standing tables, standing*.json."""
+    """The best of each kind in every scenario on every satellite, from the committed standing table."""
     remedy = "run python -m agents.standing and copy standing.json to docs/results"
-    keys = ("ladders", "rows", "settings", "command", "seeds")
-    files = [RESULTS / "standing.json", *sorted(RESULTS.glob("standing_*.json"))]
-    return ladders_table([read_json(file, remedy, keys=keys) for file in files])
+    return ladders_table(read_json(RESULTS / "standing.json", remedy, keys=("rows", "settings", "command", "seeds")))
 
 
 def four_wheels() -> str:
@@ -149,13 +148,16 @@ def gate_table(results: Mapping[str, Any]) -> str:
     return table(["policy", "settings", *head], rows, text_columns=2) + f"\n\n{said}{results['revision'][:7]}."
 
 
-def ladders_table(tables: Sequence[Mapping[str, Any]]) -> str:
-    """Rows are scenarios on satellites, columns kinds of policies; where the flights come from below it.
-
-    A later table replaces rows of an earlier one.
-    """
-    places = {(name, *results["settings"]["satellites"]): results for results in tables for name in results["ladders"]}
-    steps = {place: {step["rung"]: step for step in results["ladders"][place[0]]} for place, results in places.items()}
+def ladders_table(results: Mapping[str, Any]) -> str:
+    """Rows are scenarios on a satellite, columns kinds of policies; where the flights come from below it."""
+    settings, flown = results["settings"], results["rows"]
+    steps = {
+        (scenario, satellite): {
+            step["rung"]: step
+            for step in ladder([row for row in flown if (row["scenario"], row["satellite"]) == (scenario, satellite)])
+        }
+        for scenario, satellite in itertools.product(settings["scenarios"], settings["satellites"])
+    }
     shown = [rung for rung in RUNGS if any(rung in rungs for rungs in steps.values())]
 
     def cell(step: Mapping[str, Any] | None) -> str:
@@ -167,21 +169,18 @@ def ladders_table(tables: Sequence[Mapping[str, Any]]) -> str:
         text = f"`{step['policy']}`{star} {error}{over}"
         return f"**{text}**" if step["over_best"] == 1.0 else text
 
-    def flown(results: Mapping[str, Any]) -> str:
-        settings, revisions = results["settings"], sorted({row["revision"][:7] for row in results["rows"]})
-        return (
-            f"Satellites {', '.join(settings['satellites'])}; inertia {', '.join(settings['inertias'])}; "
-            f"{settings['episodes']} {results['seeds']['split']} episodes a cell"
-            + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
-            + f"; revision {', '.join(revisions)}; `{results['command']}`."
-        )
-
     rows = [
-        [f"`{name}`", ", ".join(satellites), *(cell(rungs.get(rung)) for rung in shown)]
-        for (name, *satellites), rungs in steps.items()
+        [f"`{scenario}`", satellite, *(cell(rungs.get(rung)) for rung in shown)]
+        for (scenario, satellite), rungs in steps.items()
     ]
-    head = ["scenario", "satellites", *(RUNGS[rung] for rung in shown)]
-    return "\n\n".join([table(head, rows, text_columns=2 + len(shown)), *map(flown, tables)])
+    head = ["scenario", "satellite", *(RUNGS[rung] for rung in shown)]
+    revisions = sorted({row["revision"][:7] for row in flown})
+    source = (
+        f"Inertia {', '.join(settings['inertias'])}; {settings['episodes']} {results['seeds']['split']} episodes a cell"
+        + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
+        + f"; revision {', '.join(revisions)}; `{results['command']}`."
+    )
+    return table(head, rows, text_columns=2 + len(shown)) + "\n\n" + source
 
 
 def basilisk_table(results: Mapping[str, Any]) -> str:
