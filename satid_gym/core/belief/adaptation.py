@@ -30,7 +30,8 @@ import numpy as np
 
 from satid_gym.core.algebra import dot, factor, invert, load
 from satid_gym.core.belief.gating import STEP, distance
-from satid_gym.core.jit import inline, inline_disjoint, outline, outline_disjoint
+from satid_gym.core.belief.kalman import multiply_rows
+from satid_gym.core.jit import inline, outline, outline_disjoint
 from satid_gym.core.records import FLOAT, INT
 
 _LOG_Q_VARIANCE = 4.0  # of e before the first reading, and at most
@@ -189,8 +190,8 @@ def learn(belief, work):
         w.d[i] = belief.mean[3 + i] - w.theta[i]
         for j in range(p):
             w.dP[i, j] = w.P[i, j] - belief.covariance[3 + i, 3 + j]
-    _multiply(w.dP, w.P_inv, w.I_minus_A)
-    _multiply(w.P_inv, w.I_minus_A, W)
+    multiply_rows(w.dP, w.P_inv, w.I_minus_A, p)
+    multiply_rows(w.P_inv, w.I_minus_A, W, p)
     score = information = 0.0
     for i in range(p):
         u[i] = 0.0
@@ -201,7 +202,7 @@ def learn(belief, work):
         for j in range(p):
             score += 0.5 * (u[i] * u[j] - W[i, j]) * D[i, j]
             information += t[i] * W[i, j] * t[j]
-    _multiply(W, D, w.dP)
+    multiply_rows(W, D, w.dP, p)
     for i in range(p):
         for j in range(p):
             information += 0.5 * w.dP[i, j] * w.dP[j, i]
@@ -221,7 +222,7 @@ def _update_slopes(state, w):
         d[i] = t[i]
         for j in range(p):
             d[i] += D[i, j] * w.P_inv_d[j]
-    _multiply(I_minus_A, D, product)
+    multiply_rows(I_minus_A, D, product, p)
     for i in range(p):
         t[i] = d[i]
         for j in range(p):
@@ -236,15 +237,3 @@ def _update_slopes(state, w):
     for i in range(p):
         for j in range(p):
             D[i, j] = product[i, j]
-
-
-@inline_disjoint
-def _multiply(a, b, out):
-    """out = a b, square matrices."""
-    size = out.shape[0]
-    for i in range(size):
-        for j in range(size):
-            total = 0.0
-            for k in range(size):
-                total += a[i, k] * b[k, j]
-            out[i, j] = total

@@ -85,7 +85,7 @@ def write_cross_times(v, s, out):
 
 
 @inline_disjoint
-def _times(rows, matrix, out, count):
+def multiply_rows(rows, matrix, out, count):
     """out = rows matrix, of the first `count` rows; a square matrix."""
     size = matrix.shape[0]
     for r in range(count):
@@ -120,7 +120,7 @@ def propagate(belief, work, dt):
     """P = F P F^T + Q, with F's rows of `modes.moving` in work.transition and Q the random walks over dt."""
     covariance, transition, product = belief.covariance, work.transition, work.product
     size, moved = belief.mean.shape[0], 3 + 2 * belief.modes.coupling.shape[0]
-    _times(transition, covariance, product, moved)
+    multiply_rows(transition, covariance, product, moved)
     for i in range(3):
         for j in range(i, 3):
             total = 0.0
