@@ -92,7 +92,7 @@ def test_by_body_rates_baselines_have_the_settings_of_the_standing_table():
         ("sine", {"scenario": "paper", "control": "rate"}, "no settings by body rates in scenario 'paper'"),
         (
             "shaped_square",
-            {"scenario": "flex", "satellite": "smallsat", "control": "rate"},
+            {"scenario": "flex", "satellite": "innocube", "control": "rate"},
             "not tuned for .* run python",
         ),
     ],
