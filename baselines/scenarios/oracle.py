@@ -57,7 +57,8 @@ def search(
         ray: address of a cluster that searches, an episode a task; see `baselines.command.cluster`.
     """
     usual = effort(cell.scenario)
-    population, rounds = population or usual[0], rounds or usual[1]
+    population = usual[0] if population is None else population
+    rounds = usual[1] if rounds is None else rounds
     draws = np.random.default_rng(0).standard_normal((rounds, len(seeds), population, PLANS[cell.scenario].size))
     if ray is None:
         return _search(cell, seeds, limit, draws)

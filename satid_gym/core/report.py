@@ -1,4 +1,4 @@
-"""Report of a decision: tallies of its samples, its costs, and the estimate beside the truth."""
+"""Report of a decision: tallies of its samples, its costs, and the estimate compared with the truth."""
 
 from __future__ import annotations
 

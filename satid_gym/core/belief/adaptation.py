@@ -1,4 +1,4 @@
-"""Adaptation: process noise of the inertia, estimated beside theta by recursive maximum likelihood.
+"""Adaptation: process noise of the inertia, estimated together with theta by recursive maximum likelihood.
 
 theta is a random walk of variance q a second, relative to its scale; of six parameters mostly along theta itself,
 0.9 theta theta^T + 0.1 diag(scale)^2, for a reading tells of three combinations alone, and an inertia that varies does

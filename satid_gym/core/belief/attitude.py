@@ -1,4 +1,4 @@
-"""Attitude: its error as a state of the MomentumEKF, beside the inertia, where there is a star tracker.
+"""Attitude: its error as a state of the MomentumEKF, with the inertia, where there is a star tracker.
 
 The estimate is a quaternion q, the error psi (3) a small rotation vector in the inertial frame, q_true = exp(psi) q.
 The filter's own rate, omega = J^-1 (M - a), turns q on, so that its errors turn psi:

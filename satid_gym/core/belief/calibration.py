@@ -1,9 +1,9 @@
-"""Calibration: errors of gyro and wheels as states of the MomentumEKF, estimated beside the inertia.
+"""Calibration: errors of gyro and wheels as states of the MomentumEKF, estimated together with the inertia.
 
     reading        z = (1 + G) omega + b + noise
     wheels         a = sum_k (j_k A_k + e_k) Omega_k
 
-The tachometers' delay and the errors of encoders, which are states beside these, are those of `alignment`.
+The tachometers' delay and the errors of encoders, which are states as well, are those of `alignment`.
 
 b (3) is the gyro's bias, G (3 x 3, by rows) its scale and misalignment, e_k (3) the error of wheel k's momentum by
 speed: relative rotor inertia along its axis, misalignment across it. All start at zero with the tolerances' covariance;

@@ -1,4 +1,4 @@
-"""Modes: oscillators of the body as states of the MomentumEKF, estimated beside the inertia.
+"""Modes: oscillators of the body as states of the MomentumEKF, estimated together with the inertia.
 
 In coordinates eta of unit modal mass, with d the coupling, w the frequency and zeta the damping ratio,
 

@@ -9,7 +9,7 @@ so that the other axes' rates steer it. A reference is changed by as little as m
     -a (p_max + p) <= dp/dt <= a (p_max - p)
 
 which keeps p within p_max, or brings it back; no axis is asked for more than its reference says, or half of the rate
-limit. Where |M| is too small beside what the lost wheel holds, there is no attitude with a p within p_max.
+limit. Where |M| is too small compared with what the lost wheel holds, there is no attitude with a p within p_max.
 
 Source: this project's design; the condition on dp/dt is that of Ames, Xu, Grizzle, Tabuada 2017, Control Barrier
 Function Based Quadratic Programs for Safety Critical Systems.

@@ -33,7 +33,7 @@ def conditions(plant, free, t):
 
 @inline
 def derivative(plant, at, phase, state, wheels, stage):
-    """Derivative (dM/dt, dq/dt) of the state (M, q), and omega; oscillators have theirs beside it, see `state`.
+    """Derivative (dM/dt, dq/dt) of the state (M, q), and omega; oscillators have theirs in arrays, see `state`.
 
     Args:
         plant: truth.

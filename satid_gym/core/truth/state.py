@@ -1,6 +1,6 @@
 """Integrated state of the truth: angular momentum M (3) and attitude q (4), as a tuple of tuples (M, q).
 
-Oscillators, of which a satellite may have any number, have theirs beside it in arrays: plant.oscillators.stage.
+Oscillators, of which a satellite may have any number, have theirs in arrays: plant.oscillators.stage.
 """
 
 from __future__ import annotations
