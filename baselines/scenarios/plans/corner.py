@@ -12,7 +12,7 @@ from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policy import Mission
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-_LEGS = 60  # from corner to corner, with preferences of their own; an episode has some 40
+_LEGS = 60  # from corner to corner, with preferences of their own, of the 90 to 160 that an episode has
 _WEIGHT = 0.5  # of a preference, in waits over the hold
 
 
@@ -20,7 +20,8 @@ class CornerPlan(CornerTourPolicy):
     """`corner_tour` with preferences of its own for each leg of each episode, those of the oracle's search.
 
     Args:
-        points: (N, 480) where the search looks: how much each corner is preferred in each leg.
+        points: (N, 480) where the search looks: how much each corner is preferred in each of the first 60 legs; later
+            legs have the preferences of the last of these.
     """
 
     size = _LEGS * len(CORNERS)
