@@ -12,6 +12,8 @@ Source: this project's design.
 
 from __future__ import annotations
 
+import numpy as np
+
 from satid_gym.core.algebra import inverse, multiply, store_symmetric
 from satid_gym.core.belief import modes, momentum_model
 from satid_gym.core.belief.kalman import estimated_inertia, write_times_regressor
@@ -27,6 +29,12 @@ def tell(belief, share, leaves):
     belief.leaves = leaves
 
 
+@inline
+def size(belief):
+    """Std of what has been announced for this sample, relative to the scale of theta."""
+    return _SIZE * np.sqrt(belief.announced)
+
+
 @outline
 def raise_covariance(belief, work):
     """Add what has been announced to the covariance of momentum and theta."""
@@ -36,7 +44,7 @@ def raise_covariance(belief, work):
     store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, omega, regressor)
     for k in range(belief.theta_scale.shape[0]):
-        variance = belief.announced * (_SIZE * belief.theta_scale[k]) ** 2
+        variance = (size(belief) * belief.theta_scale[k]) ** 2
         covariance[3 + k, 3 + k] += variance
         for i in range(3 if belief.leaves != 0 else 0):
             moved = regressor[i, k] * variance

@@ -10,9 +10,9 @@ change. Noise of the tachometers enters M and psi as one and the same. A reading
 
     q_read q^-1 = exp(psi + noise),   N = s_a^2 (1 - b b^T) + s_r^2 b b^T,   b: boresight, inertial frame
 
-After each update q takes up the mean of psi. The attitude begins with a reading, and begins again with another where a
-step or a mass that moves has changed the inertia, for the rate was then wrong for a part of a sample, and where no
-sample came for so long that nobody knows how far the body has turned.
+After each update q takes up the mean of psi. The attitude begins with a reading, and begins again with another where
+no sample came for so long that nobody knows how far the body has turned. Where the inertia steps, or a mass moves, the
+rate was wrong for a part of a sample, which the covariance takes up.
 Source: Lefferts, Markley, Shuster, Kalman filtering for spacecraft attitude estimation (1982); Markley, Attitude error
 representations for Kalman filtering (2003). The rate being the filter's own, not the gyro's, is this project's design.
 """
@@ -23,7 +23,7 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy, load, multiply, store, store_symmetric, subtract
+from satid_gym.core.algebra import axpy, load, multiply, norm, store, store_symmetric, subtract
 from satid_gym.core.belief import momentum_model
 from satid_gym.core.belief.kalman import write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
@@ -60,16 +60,6 @@ def start(belief):
 
 
 @inline
-def forget(belief):
-    """Let the attitude begin with the next reading."""
-    state, covariance = belief.attitude, belief.covariance
-    state.known = 0
-    for i in range(3):
-        for j in range(covariance.shape[0]):
-            covariance[state.first + i, j] = covariance[j, state.first + i] = 0.0
-
-
-@inline
 def _noise(state):
     """N (symmetric), rad^2."""
     x, y, z = to_inertial(state.quaternion, load(state.boresight))
@@ -80,9 +70,11 @@ def _noise(state):
 @outline
 def begin(belief, reading):
     """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
-    forget(belief)
     state, covariance = belief.attitude, belief.covariance
     state.known = 1
+    for i in range(3):
+        for j in range(covariance.shape[0]):
+            covariance[state.first + i, j] = covariance[j, state.first + i] = 0.0
     store_quaternion(state.quaternion, load_quaternion(reading))
     a, p = _noise(state), state.first
     covariance[p, p], covariance[p + 1, p + 1], covariance[p + 2, p + 2] = a[0], a[1], a[2]
@@ -191,8 +183,8 @@ def predict(belief, work, momentum, rates, J_inv, shares, h):
 
 
 @outline
-def add_tachometer_noise(belief, work, momentum, noise, h2):
-    """P_pp += h2 R S R^T and P_Mp += h2 [M x] S R^T, S = J^-1 N J^-1: the noise that `momentum_model` adds to P_MM."""
+def add_rate_noise(belief, work, momentum, noise, h2):
+    """P_pp += h2 R S R^T and P_Mp += h2 [M x] S R^T: the noise that `momentum_model` adds to P_MM."""
     covariance, first, crossed = belief.covariance, belief.attitude.first, work.jacobian[2]
     q = belief.attitude.quaternion
     write_cross_times(momentum, noise, crossed)
@@ -207,6 +199,15 @@ def add_tachometer_noise(belief, work, momentum, noise, h2):
         for j in range(3):
             both = covariance[i, first + j] + h2 * row[j]
             covariance[i, first + j] = covariance[first + j, i] = both
+
+
+@outline
+def doubt(belief, work, omega, change, dt):
+    """Add what the rate was wrong by in dt seconds within which the inertia changed by so much, relative (std)."""
+    variance, momentum = (change * norm(omega)) ** 2, load(belief.mean)
+    noise = (variance, variance, variance, 0.0, 0.0, 0.0)
+    momentum_model.add_rate_noise(belief, work, momentum, noise, dt * dt)
+    add_rate_noise(belief, work, momentum, noise, dt * dt)
 
 
 @outline

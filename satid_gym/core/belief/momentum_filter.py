@@ -45,6 +45,9 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
+    turns = belief.attitude.on != 0 and belief.attitude.known != 0
+    if turns and adaptation.has_just_stepped(belief):
+        attitude.doubt(belief, work, rate(belief), gating.STEP, dt)
     calibration.begin_prediction(belief)
     if belief.gate.threshold > 0.0:
         gating.gate_tachometers(belief, tachometer, work.torque, dt)
@@ -65,7 +68,6 @@ def predict(belief, work, tachometer, dt):
         if belief.alignment.noise_taps == 0:
             mode_prediction.add_tachometer_noise(belief, momentum, noise, dt)
         mode_prediction.add_curvature(belief, dt)
-    turns = belief.attitude.on != 0 and belief.attitude.known != 0
     offset = attitude.reference(belief, J_inv, before) if turns else before
     for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
@@ -84,9 +86,9 @@ def predict(belief, work, tachometer, dt):
         calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
         propagate(belief, work, h)
         if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
-            momentum_model.add_tachometer_noise(belief, work, middle, noise, h * dt)
+            momentum_model.add_rate_noise(belief, work, middle, noise, h * dt)
             if turns:
-                attitude.add_tachometer_noise(belief, work, middle, noise, h * dt)
+                attitude.add_rate_noise(belief, work, middle, noise, h * dt)
     if belief.attitude.on != 0:
         belief.attitude.age += dt
     if belief.gate.threshold > 0.0:
@@ -95,7 +97,7 @@ def predict(belief, work, tachometer, dt):
     if belief.announced > 0.0:
         announcement.raise_covariance(belief, work)
         if turns:
-            attitude.forget(belief)
+            attitude.doubt(belief, work, rate(belief), announcement.size(belief), dt)
 
 
 @inline

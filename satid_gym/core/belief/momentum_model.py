@@ -58,8 +58,8 @@ def write_transition(work, p, h):
 
 
 @inline
-def add_tachometer_noise(belief, work, momentum, noise, h2):
-    """P_MM += h2 [M x] J^-1 N J^-1 [M x]^T: what tachometer noise does to the predicted momentum."""
+def add_rate_noise(belief, work, momentum, noise, h2):
+    """P_MM += h2 [M x] S [M x]^T: what noise of the rate, of covariance S, does to the predicted momentum."""
     half = work.jacobian[2]
     write_cross_times(momentum, noise, half)
     x, y, z = momentum

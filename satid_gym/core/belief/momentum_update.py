@@ -16,8 +16,6 @@ def update_gyro(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
     if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
-        if belief.attitude.on != 0:
-            attitude.forget(belief)
         if alignment.is_mixed(belief):
             return 0.0
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
@@ -101,20 +99,19 @@ def _copy(mean, covariance, to_mean, to_covariance, size):
 def update_attitude(belief, work, reading):
     """Update by a reading (4,) of the star tracker; normalised innovation squared (3), 0 where nothing was compared.
 
-    Where updates are iterated, while a moment is known to no better than 5 %, the attitude waits to begin.
+    Where updates are iterated, while a moment is known to no better than 5 %, the attitude begins again with each
+    reading.
     """
-    nis = 0.0
     belief.attitude.age = 0.0
-    if is_coarse(belief) and (belief.rate_coordinates == 0 or belief.stepped != 0):
-        attitude.forget(belief)
-    elif attitude.is_known(belief):
-        attitude.linearise(belief, work, reading)
-        if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
-            adaptation.step(belief)
-            attitude.forget(belief)
-            return nis
-        nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)
-        attitude.take_up(belief)
-    else:
+    iterated = is_coarse(belief) and (belief.rate_coordinates == 0 or belief.stepped != 0)
+    if iterated or not attitude.is_known(belief):
         attitude.begin(belief, reading)
+        return 0.0
+    attitude.linearise(belief, work, reading)
+    if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
+        adaptation.step(belief)
+        attitude.begin(belief, reading)
+        return 0.0
+    nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)
+    attitude.take_up(belief)
     return nis

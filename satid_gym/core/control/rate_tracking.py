@@ -67,7 +67,7 @@ def tracking_dtype(n: int) -> np.dtype:
             ("sharing", FLOAT, (n, 3)),  # A^+
             ("reach", FLOAT, n),  # torque that a motor has, N m
             ("rotor_inertia", FLOAT, (3, 3)),  # A j A^T, kg m^2
-            ("spin_max", FLOAT, n),  # momentum that a wheel may store, N m s
+            ("spin_max", FLOAT, n),  # momentum that a wheel is led to at most, N m s: noise adds to it
             ("reference", FLOAT, 3),  # commanded rate, rad/s
             ("slope", FLOAT),  # at which omega_ref moves there, rad/s^2; 0: at once
             ("eased", FLOAT, 3),  # omega_ref of the last sample where it has a slope, rad/s
