@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from baselines.scenarios.flights import Cell, flown
 from satid_gym import SCENARIOS, InertiaLaw, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario, simulate
 from satid_gym.core import kernels
 from satid_gym.core.random import between, normal, uniform
@@ -22,7 +23,9 @@ from satid_gym.estimators import (
     MomentumEKF,
     MomentumEKFSettings,
 )
+from satid_gym.evaluation import seeds
 from satid_gym.faults import FAULTS, SWITCHES
+from satid_gym.policies import build
 from satid_gym.scenario import prior_of
 from tests.cases import cases
 
@@ -447,6 +450,24 @@ def test_a_step_of_inertia_is_not_gated_away():
         rejected.append(info["rejected"])
     assert np.mean(nees[65:]) < 2.0
     assert (rejected[-1] - rejected[55]).max() <= 10
+
+
+@pytest.mark.compiled
+@cases("outage", ["tachometer", "gyro and tachometer"])
+def test_a_step_that_comes_while_sensors_fail_is_expected(outage):
+    """Without the wheel's speed no reading tells of the inertia about its axis, and without M none tells of any.
+
+    In the first case the filter learned of the axis what no reading had told; in the second it takes a step for rare.
+    """
+    faults = {"tachometer_stuck": 1.0, "tachometer_stuck_duration": (60.0, 60.0)}
+    if outage == "gyro and tachometer":
+        faults |= {"gyro_dropout": 1.0, "gyro_dropout_duration": (20.0, 20.0)}
+    law = InertiaLaw("step", size=0.1, time=60.0)
+    cell = Cell(scenario=world(150.0, **faults), satellite="microsat", inertia=law)
+    flight = flown(cell, build("rate_square", {"period": 12.0, "margin": 3.5}), seeds("validation", 24))
+    print(f"NEES {flight.nees.mean():.2f}, 90 % of the flights below {np.quantile(flight.nees, 0.9):.2f}")
+    assert 0.3 < flight.nees.mean() < (2.0 if outage == "tachometer" else 50.0)
+    assert np.median(flight.error) < 0.001
 
 
 @pytest.mark.compiled

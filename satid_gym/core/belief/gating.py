@@ -10,7 +10,8 @@ A wheel whose tachometer is stuck is assumed to follow its command, and may do o
 The gyro then measures M - a = J omega, and momentum, which the wheels cannot change, says what went into the wheel:
 the update's part along its axis is taken as motion of the wheel (`follow_unmeasured_wheels`). M - a, and with it the
 covariance, does not depend on how an update is shared between the two. After an outage of the gyro as well nobody
-knows how the body turns, so M is reinitialised when both are back; theta keeps its estimate.
+knows how the body turns, so M is reinitialised when both are back; until then no reading would show a step of the
+inertia, and theta's covariance grows as if one came every half hour.
 Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
 (2001), ch. 5.4.
 """
@@ -30,6 +31,7 @@ STUCK, _RECOVERED = 1, 2  # tachometer repeats itself; did so until the last rea
 _UNMEASURED_TORQUE_FACTOR = 10.0  # spin of a wheel without tachometer, over its motor's: less would tell of J
 _OUTAGE_MAX = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
 _REJECTIONS_MAX = 2  # in a row
+_STEP_INTERVAL = 1800.0  # s, mean time between two steps of the inertia
 ACCEPTED, REINITIALISE, STEPPED = 0.0, -1.0, -2.0  # what `validate` returns for a reading that is not rejected
 STEP = 0.1  # std of a sudden change of each moment, relative to the prior: what a run of rejections stands for
 
@@ -123,6 +125,37 @@ def inflate_momentum(belief, J_inv, dt):
             for i in range(3):
                 for j in range(i, 3):
                     covariance[i, j] = covariance[j, i] = covariance[i, j] + variance * g[i] * g[j]
+
+
+@inline
+def doubt_inertia(belief, dt):
+    """Add to theta's covariance the steps that may have come in dt seconds in which M was unknown."""
+    if belief.gate.outage > _OUTAGE_MAX:
+        for k in range(belief.theta_scale.shape[0]):
+            belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2 * dt / _STEP_INTERVAL
+
+
+@inline
+def along_unmeasured(belief, v):
+    """Part of a vector along the axes of the wheels whose speed is not measured."""
+    part = (0.0, 0.0, 0.0)
+    for k in range(belief.stuck.shape[0]):
+        if belief.stuck[k] != 0:
+            part = axpy(along_axis(belief.axes, k, v), wheel_axis(belief.axes, k), part)
+    return part
+
+
+@inline
+def hold_total(belief, omega, jacobian):
+    """Take M along the axis of a wheel without tachometer as known in d(M x omega) / dM, `jacobian` (3, 3).
+
+    The error of M - a there, which the covariance has, is that of the wheel: M itself goes on as it was.
+    """
+    for j in range(3):
+        unit = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
+        turned = cross(omega, along_unmeasured(belief, unit))
+        for i in range(3):
+            jacobian[i, j] += turned[i]
 
 
 @inline

@@ -49,7 +49,8 @@ def predict(belief, work, tachometer, dt):
     if turns and adaptation.has_just_stepped(belief):
         attitude.doubt(belief, work, rate(belief), gating.STEP, dt)
     calibration.begin_prediction(belief)
-    if belief.gate.threshold > 0.0:
+    gated = belief.gate.threshold > 0.0
+    if gated:
         gating.gate_tachometers(belief, tachometer, work.torque, dt)
     else:
         alignment.take_wheels(belief, tachometer, work.torque, dt)
@@ -75,9 +76,13 @@ def predict(belief, work, tachometer, dt):
         momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
         omega = multiply(J_inv, subtract(momentum, a0))
         momentum_model.write_slope_jacobian(momentum, omega, J_inv, work, 0)
+        if gated:
+            gating.hold_total(belief, omega, work.jacobian[0])
         middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
         omega = multiply(J_inv, subtract(middle, a1))
         momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
+        if gated:
+            gating.hold_total(belief, omega, work.jacobian[1])
         store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
         momentum_model.write_transition(work, p, h)
         shares = step * per_step, (step + 0.5) * per_step
@@ -91,8 +96,9 @@ def predict(belief, work, tachometer, dt):
                 attitude.add_rate_noise(belief, work, middle, noise, h * dt)
     if belief.attitude.on != 0:
         belief.attitude.age += dt
-    if belief.gate.threshold > 0.0:
+    if gated:
         gating.inflate_momentum(belief, J_inv, dt)
+        gating.doubt_inertia(belief, dt)
     store(belief.wheel_input, after)
     if belief.announced > 0.0:
         announcement.raise_covariance(belief, work)

@@ -39,6 +39,8 @@ class Gate:
         self.outage = self.outage + 1 if was.any() and self.coasting else self.outage if self.outage > 10 else 0
         self.stuck = (wheel_speed == self.tachometer) & (self.model.prior.tachometer_noise_std > 0.0)
         self.recovered = was & ~self.stuck
+        unmeasured = wheels.axes[:, self.stuck | self.recovered]
+        self.model.felt = np.eye(3) - unmeasured @ unmeasured.T
         shift = self.model.spin[:, self.recovered] @ (wheel_speed - self.speed)[self.recovered]
         self.speed = np.where(self.stuck, self.speed + self.torque * dt / wheels.inertia, wheel_speed)
         self.tachometer = np.array(wheel_speed)
@@ -54,6 +56,11 @@ class Gate:
             way = axis + 0.5 * dt * np.cross(momentum, J_inv @ axis)
             total += (10.0 * wheels.max_torque[k] * dt) ** 2 * np.outer(way, way)
         return total
+
+    def steps_unseen(self, dt: float) -> np.ndarray:
+        """(p, p) covariance of the steps of theta that no reading would have shown."""
+        variance = (0.1 * self.model.prior.theta_scale(self.model.parameters)) ** 2 * dt / 1800.0
+        return np.diag(variance) if self.outage > 10 else np.zeros((self.model.p, self.model.p))
 
     def repeated(self, gyro: np.ndarray) -> bool:
         """Whether the gyro, which has noise, repeats itself."""

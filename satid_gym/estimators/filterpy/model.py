@@ -44,6 +44,7 @@ class MomentumModel:
         self.p = PARAMETER_COUNT[self.parameters]
         self.size = self.p + 6
         self.rate_coordinates = settings.updates_rate(prior)
+        self.felt = np.eye(3)
         self.start_reference(np.zeros(3))
         wheels = prior.wheels
         self.spin = wheels.axes * wheels.inertia
@@ -142,7 +143,7 @@ class MomentumModel:
         jacobian = np.zeros((self.size, self.size))
         m = x[:3]
         jacobian[:3] = skew(m) @ self.rate_jacobian(x, a)
-        jacobian[:3, :3] -= skew(self.rate(x, a))
+        jacobian[:3, :3] -= skew(self.rate(x, a)) @ self.felt
         jacobian[:3, 3 + self.p : 6 + self.p] += np.eye(3)
         return jacobian
 

@@ -132,6 +132,8 @@ class FilterpyMomentumEKF(Reference):
         if gate is not None:
             J_inv = np.linalg.inv(tensor(self.model.split(self.filter.x)[1]))
             self.filter.P[:3, :3] += gate.freedom(self.filter.x[:3], J_inv, dt)
+            theta = slice(3, 3 + self.model.p)
+            self.filter.P[theta, theta] += gate.steps_unseen(dt)
         self._a = end
 
     def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
