@@ -60,6 +60,16 @@ def start(belief):
 
 
 @inline
+def forget(belief):
+    """Let the attitude begin with the next reading."""
+    state, covariance = belief.attitude, belief.covariance
+    state.known = 0
+    for i in range(3):
+        for j in range(covariance.shape[0]):
+            covariance[state.first + i, j] = covariance[j, state.first + i] = 0.0
+
+
+@inline
 def _noise(state):
     """N (symmetric), rad^2."""
     x, y, z = to_inertial(state.quaternion, load(state.boresight))
@@ -70,11 +80,9 @@ def _noise(state):
 @outline
 def begin(belief, reading):
     """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
+    forget(belief)
     state, covariance = belief.attitude, belief.covariance
     state.known = 1
-    for i in range(3):
-        for j in range(covariance.shape[0]):
-            covariance[state.first + i, j] = covariance[j, state.first + i] = 0.0
     store_quaternion(state.quaternion, load_quaternion(reading))
     a, p = _noise(state), state.first
     covariance[p, p], covariance[p + 1, p + 1], covariance[p + 2, p + 2] = a[0], a[1], a[2]
