@@ -13,7 +13,6 @@ from satid_gym.core.truth.records import draw_dtype
 from satid_gym.core.truth.star_tracker import SEES_ALL
 from satid_gym.disturbance import Disturbance
 from satid_gym.estimators.inertia import products_of_inertia
-from satid_gym.estimators.prior import counting_std
 from satid_gym.estimators.records import new_belief
 from satid_gym.faults import Faults
 from satid_gym.law_ranges import LawRanges
@@ -29,13 +28,7 @@ from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker, earth_angle
-
-_SETTLED = 4.5  # samples without a larger change, after which the rate loop learns from what a motor does
-_PROMPT = 0.5  # likewise, after which it tests whether a motor's gain has jumped
-_GAIN_STD, _FRICTION_STD = 0.16, 0.05  # what it believes at first of gain, and of friction over the torque limit
-_RESERVE = 0.1  # of the largest swing of a wheel, room that the null motion keeps
-_NOISE_MIN = 0.01  # of the torque limit
-_NOISE_MARGIN = 3.0  # standard deviations of its noise by which a wheel's momentum stays below its limit
+from satid_gym.tracking import write_tracking
 
 
 @dataclass(frozen=True)
@@ -144,52 +137,8 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["criterion"], task["net"] = Criterion[reward.criterion.upper()], reward.net
     for name in NUMBERS:
         task[name] = getattr(reward, name)
-    _write_tracking(task["tracking"], p, satellite, prior)
+    write_tracking(task["tracking"], p, satellite, prior)
     return rows
-
-
-def _write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.ndarray) -> None:
-    wheels = satellite.wheels
-    row["on"] = p.control == "rate"
-    row["bandwidth"] = p.scenario.tracking_bandwidth
-    row["slope"] = p.scenario.reference_slope * wheels.max_torque.min() / np.linalg.eigvalsh(satellite.inertia)[-1]
-    row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
-    row["spin_max"] = np.maximum(wheels.inertia * wheels.max_speed - _momentum_noise(p.scenario, satellite), 0.0)
-    late, sensors = 2.0 * p.scenario.command_lateness, satellite.sensors
-    row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + late
-    row["motors"]["prompt"] = (_PROMPT + sensors.counts + sensors.tachometer_delay) * p.scenario.sample_period + late
-    noise = np.maximum(_acceleration_noise(satellite, p.scenario), _NOISE_MIN)
-    row["motors"]["noise"], row["motors"]["expected"] = noise, 1.0
-    row["motors"]["prior"] = (noise[:, None] / [_GAIN_STD, _FRICTION_STD]) ** 2
-    _write_null_motion(row["null"], satellite, prior)
-
-
-def _momentum_noise(scenario: Scenario, satellite: Satellite) -> np.ndarray:
-    """N m s (n,), what motor noise may add to a wheel's momentum: in the loop a sample keeps 1 - k dt of it."""
-    kept = 1.0 - scenario.tracking_bandwidth * scenario.sample_period
-    impulse = scenario.torque_noise * scenario.sample_period * satellite.wheels.max_torque
-    return _NOISE_MARGIN * impulse / np.sqrt(1.0 - kept**2)
-
-
-def _write_null_motion(row: np.void, satellite: Satellite, prior: np.ndarray) -> None:
-    wheels = satellite.wheels
-    low, high = wheels.avoided_speed
-    row["on"] = wheels.count > 3 and high > low
-    if row["on"]:
-        row["direction"] = wheels.null_direction
-        row["avoided"] = wheels.inertia[:, None] * wheels.avoided_speed
-        row["swing"] = np.abs(np.linalg.pinv(wheels.axes) @ prior).sum(axis=1) * satellite.rate_limit
-        row["reserve"] = _RESERVE * row["swing"].max()
-        row["most"] = (wheels.inertia * wheels.max_speed).max()
-
-
-def _acceleration_noise(satellite: Satellite, scenario: Scenario) -> np.ndarray:
-    """Std (n,) of a sample's dh/dt of each wheel over its torque limit: of the motors, and of two readings."""
-    wheels, pulses, dt = satellite.wheels, satellite.sensors.encoder_pulses, scenario.sample_period
-    change = np.sqrt(2.0) * satellite.tachometer_noise_std  # of two readings
-    if pulses is not None:  # of three angles a, b, c it is (a - 2 b + c) / dt
-        change = np.sqrt(6.0) * counting_std(2.0 * np.pi / pulses) / dt
-    return np.hypot(scenario.torque_noise, wheels.inertia * change / (dt * wheels.max_torque))
 
 
 def _draw(p: Problem, satellite: Satellite, law: InertiaLaw | None, room: int) -> np.ndarray:
