@@ -15,8 +15,9 @@ import numpy as np
 
 from baselines.command.provenance import revision
 from baselines.scenarios.flights import Cell, Flown, flown
+from baselines.scenarios.in_the_gaps import InTheGaps
 from baselines.scenarios.oracle import PLANS, effort, search
-from baselines.scenarios.tune import tuned
+from baselines.scenarios.tune import tuned, tuned_rival
 from baselines.studies.performance_bound import performance_bound
 from baselines.studies.timing import TimedPolicy
 from satid_gym.estimators import MomentumEKFSettings
@@ -109,7 +110,7 @@ def tasks_of(cell: Cell, episodes: Episodes, learned: Sequence[LearnedPolicy]) -
         ValueError: a rival has no tuned settings; the message says how to find them.
     """
     rows = [_policy(cell, episodes, *trial) for trial in tuned(cell.scenario, cell.satellite).values()]
-    rows += [_policy(cell, episodes, {}, policy) for policy in learned if not misfit(policy, cell)]
+    rows += [_learned(cell, episodes, policy) for policy in learned if not misfit(policy, cell)]
     if episodes.oracle and cell.scenario in PLANS:
         chosen = seeds(episodes.split, episodes.oracle)
         searched = {"plan": PLANS[cell.scenario].__name__, "effort": effort(cell.scenario)}
@@ -144,18 +145,33 @@ def _where(cell: Cell) -> dict[str, Any]:
     return {"scenario": world.to_dict(), "satellite": satellite.to_dict(), "inertia": cell.inertia}
 
 
-def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy) -> Task:
-    identity = {**_where(cell), "policy": policy.name, "settings": dict(settings), "seeds": episodes.seeds}
-    if isinstance(policy, LearnedPolicy):
-        tensors = sorted(policy.network.tensors().items())
-        identity["weights"] = hashlib.sha256(b"".join(tensor.tobytes() for _, tensor in tensors)).hexdigest()
+def _learned(cell: Cell, episodes: Episodes, policy: LearnedPolicy) -> Task:
+    """A learned policy; one that tours corners knows of no imaging windows, and flies in the gaps between them."""
+    tensors = sorted(policy.network.tensors().items())
+    weights = hashlib.sha256(b"".join(tensor.tobytes() for _, tensor in tensors)).hexdigest()
+    if SCENARIOS[cell.scenario].operations is None or not policy.corner_features:
+        return _policy(cell, episodes, {}, policy, weights=weights)
+    settings, _ = tuned_rival(cell.scenario, cell.satellite, "swing_between")
+    settle = settings["settle"]
+    return _policy(cell, episodes, {"settle": settle}, InTheGaps(policy, settle), weights=weights)
+
+
+def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy, **identity: str) -> Task:
+    about = {**_where(cell), "policy": policy.name, "settings": dict(settings), "seeds": episodes.seeds, **identity}
 
     def fly() -> dict[str, Any]:
         timed = TimedPolicy(copy.copy(policy))  # cells fly side by side
         return _scores(flown(cell, timed, episodes.seeds, num_threads=1), timed.decision_ms)
 
-    about = {"name": policy.name, "kind": policy.kind, "settings": settings, "policy": policy}
-    return Task(cell=cell, identity=identity, fly=fly, **about)
+    return Task(
+        cell=cell,
+        name=policy.name,
+        kind=policy.kind,
+        settings=settings,
+        policy=policy,
+        fly=fly,
+        identity=about,
+    )
 
 
 def _scores(flight: Flown, decision_ms: float | None) -> dict[str, Any]:

@@ -39,6 +39,7 @@ SHAPES = [
 ]
 HOLDS = (4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 14.0)  # s, of `corner_tour`
 SETTLES = (1.0, 3.0, 5.0)  # s
+GAP_SETTLES = (3.0, 5.0)  # s, of what flies in the gaps alone
 BETWEEN = [
     {"swing": swing, "roll": roll, "settle": settle}
     for swing in (3.0, 4.0, 6.0, 9.0)
@@ -77,7 +78,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
             "zero": [({}, ZeroPolicy())],
             "random": [({}, RandomPolicy())],
             "operator": [({"settle": settle}, OperatorPolicy(settle)) for settle in SETTLES],
-            **{name: [(own, InTheGaps(policy)) for own, policy in trials] for name, trials in between.items()},
+            **{name: _in_the_gaps(trials) for name, trials in between.items()},
             "swing_between": [(own, SwingBetweenPolicy(**own)) for own in BETWEEN],
         }
     return {
@@ -93,6 +94,10 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
         **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
     }
+
+
+def _in_the_gaps(trials: Sequence[Trial]) -> list[Trial]:
+    return [({**own, "settle": settle}, InTheGaps(policy, settle)) for own, policy in trials for settle in GAP_SETTLES]
 
 
 def _rehearsals(scenario: str) -> list[dict[str, Any]]:
