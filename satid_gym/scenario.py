@@ -26,6 +26,8 @@ _DECISIONS_MAX = 1_000_000_000  # an episode
 _DELAY_MAX = 1000  # of a command, in samples
 _STEP_MAX = 0.5  # of the rate error that the rate loop takes away in a sample
 _PHASE_MAX = 0.2  # rad, that a late command may cost the rate loop
+_PARTS = ("appendages", "friction", "tolerances", "sensors", "operations")  # settings that may be None
+_READERS = (appendages_of, friction_of, tolerances_of, sensors_of, operations_of)  # of each
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,8 +124,9 @@ class Scenario(Config):
         check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
         check_number("termination_factor", self.termination_factor, low=1.0)
         check_number("deflection_factor", self.deflection_factor, low=1.0)
-        if self.appendages is not None:
-            object.__setattr__(self, "appendages", appendages_of(self.appendages))
+        for name, read in zip(_PARTS, _READERS, strict=True):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, read(getattr(self, name)))
         for name in ("gyro_noise_std", "tachometer_noise_std"):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name))
@@ -131,23 +134,12 @@ class Scenario(Config):
         if self.rate_limit is not None:
             check_number("rate_limit", self.rate_limit, strict=True)
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
-        if self.friction is not None:
-            object.__setattr__(self, "friction", friction_of(self.friction))
-        if self.tolerances is not None:
-            object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
-        if self.sensors is not None:
-            object.__setattr__(self, "sensors", sensors_of(self.sensors))
-        if self.operations is not None:
-            object.__setattr__(self, "operations", operations_of(self.operations))
-        if isinstance(self.laws, Mapping):
-            object.__setattr__(self, "laws", LawRanges.from_dict(self.laws))
-        if isinstance(self.faults, Mapping):
-            object.__setattr__(self, "faults", Faults.from_dict(self.faults))
         for name, kind in (("laws", LawRanges), ("faults", Faults)):
-            if not isinstance(getattr(self, name), kind):
-                raise ValueError(
-                    f"{name} must be {kind.__name__} or a mapping of its settings, got {getattr(self, name)!r}"
-                )
+            given = getattr(self, name)
+            if isinstance(given, Mapping):
+                object.__setattr__(self, name, kind.from_dict(given))
+            elif not isinstance(given, kind):
+                raise ValueError(f"{name} must be {kind.__name__} or a mapping of its settings, got {given!r}")
         _whole("decision_period / sample_period", self.decision_period / self.sample_period, _SAMPLES_MAX)
         _whole("horizon / decision_period", self.horizon / self.decision_period, _DECISIONS_MAX)
         longest = min(self.samples, _DELAY_MAX)
@@ -177,6 +169,12 @@ class Scenario(Config):
         if self.command_lateness > 0.0:
             allowed = min(allowed, _PHASE_MAX / self.command_lateness)
         return min(self.rate_bandwidth, allowed)
+
+    @property
+    def tracking_noise(self) -> float:
+        """s, std of the momentum that motor noise leaves in the rate loop, over a motor's torque limit."""
+        kept = 1.0 - self.tracking_bandwidth * self.sample_period
+        return self.torque_noise * self.sample_period / (1.0 - kept**2) ** 0.5
 
     @property
     def decisions(self) -> int:

@@ -24,7 +24,8 @@ def write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.nda
     row["bandwidth"] = p.scenario.tracking_bandwidth
     row["slope"] = p.scenario.reference_slope * wheels.max_torque.min() / np.linalg.eigvalsh(satellite.inertia)[-1]
     row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
-    row["spin_max"] = np.maximum(wheels.inertia * wheels.max_speed - _momentum_noise(p.scenario, satellite), 0.0)
+    noise = _NOISE_MARGIN * p.scenario.tracking_noise * wheels.max_torque
+    row["spin_max"] = np.maximum(wheels.inertia * wheels.max_speed - noise, 0.0)
     late, sensors = 2.0 * p.scenario.command_lateness, satellite.sensors
     row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + late
     row["motors"]["prompt"] = (_PROMPT + sensors.counts + sensors.tachometer_delay) * p.scenario.sample_period + late
@@ -32,13 +33,6 @@ def write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.nda
     row["motors"]["noise"], row["motors"]["expected"] = noise, 1.0
     row["motors"]["prior"] = (noise[:, None] / [_GAIN_STD, _FRICTION_STD]) ** 2
     _write_null_motion(row["null"], satellite, prior)
-
-
-def _momentum_noise(scenario: Scenario, satellite: Satellite) -> np.ndarray:
-    """N m s (n,), what motor noise may add to a wheel's momentum: in the loop a sample keeps 1 - k dt of it."""
-    kept = 1.0 - scenario.tracking_bandwidth * scenario.sample_period
-    impulse = scenario.torque_noise * scenario.sample_period * satellite.wheels.max_torque
-    return _NOISE_MARGIN * impulse / np.sqrt(1.0 - kept**2)
 
 
 def _write_null_motion(row: np.void, satellite: Satellite, prior: np.ndarray) -> None:

@@ -130,14 +130,14 @@ def test_no_policy_that_commands_rates_leaves_the_envelope(kind, policy, microsa
 @pytest.mark.compiled
 @cases("policy", ["zero", "rate_square", "rigid_tour", "mpc"])
 def test_no_policy_that_commands_rates_saturates_the_wheels(policy):
-    """With a tenth of the momentum wheels were at their limit for 3 to 50 % of the time."""
+    """With a tenth of the momentum wheels were at their limit for 3 to 42 % of the time."""
     settings = {"period": 12.0, "margin": 3.5} if policy == "rate_square" else {}
     pilot = find(policy) if policy == "rigid_tour" else build(policy, settings)
     scores = fly(
         pilot, satellite="cubesat", inertia="static", scenario="tight", seeds=seeds("validation", 12), control="rate"
     ).scores()
     print(f"{policy}: saturated {scores['saturated_fraction'].mean():.3%}")
-    assert scores["saturated_fraction"].mean() <= 0.005
+    assert scores["saturated_fraction"].mean() <= 0.002
     assert scores["outside_fraction"].mean() <= 0.005
 
 

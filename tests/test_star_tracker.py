@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from baselines.studies.recording import record
 from satid_gym import (
     SATELLITES,
+    InertiaLaw,
     Pilot,
     Satellite,
     SatInertiaIDEnv,
@@ -226,6 +227,34 @@ def test_it_is_consistent_and_what_it_sees_helps(inertia):
     assert 0.3 < seeing["nees"].mean() < 2.0
     assert 0.3 < blind["nees"].mean() < 2.0
     assert seeing["final_error"].mean() < (0.95 if inertia == "periodic" else 0.85) * blind["final_error"].mean()
+
+
+@pytest.mark.compiled
+def test_the_attitude_outlives_a_step_of_the_inertia():
+    """The step comes within a sample, which the tracker's next reading ends: the rate was wrong for a part of it."""
+    tracker = TRACKER.replace(period=0.1, rate_limit=None)
+    settings = {"scenario": world(tracker, decision_period=0.1), "control": "rate", "observation": "body"}
+    env = SatInertiaIDVectorEnv(12, "microsat", InertiaLaw("step", size=0.1, time=40.03), **settings)
+    policy = make_baseline("rate_square", "microsat")
+    policy.reset(missions(env.problem)[0], range(12))
+    observation, _ = env.reset(seed=seeds("validation", 12))
+    rows, nees = env.fleet.rows, []
+    first = rows.beliefs["attitude"]["first"][0]
+    for t in range(600):
+        observation, *_ = env.step(policy(observation))
+        if t >= 390:
+            assert rows.beliefs["attitude"]["known"].all()
+            believed = Rotation.from_quat(rows.beliefs["attitude"]["quaternion"])
+            psi = (Rotation.from_quat(rows.plants["attitude"]) * believed.inv()).as_rotvec()
+            covariance = rows.beliefs["covariance"][:, first : first + 3, first : first + 3]
+            nees.append(np.einsum("ni,nij,nj->n", psi, np.linalg.inv(covariance), psi) / 3.0)
+    env.close()
+    assert rows.beliefs["adaptation"]["steps"].tolist() == [1] * 12
+    before, at_once, later = np.mean(nees[:10]), np.max(np.mean(nees[10:15], axis=1)), np.mean(nees[15:])
+    print(f"attitude NEES {before:.2f} before the step, at most {at_once:.2f} at once, {later:.2f} later")
+    assert 0.3 < before < 2.0
+    assert at_once < 10.0
+    assert 0.3 < later < 2.0
 
 
 # interface

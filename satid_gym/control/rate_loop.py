@@ -77,9 +77,8 @@ class RateMargin:
     def _share(self, mission: Mission) -> np.ndarray:
         """(3,) of the rate limit that may be commanded."""
         satellite, world, wheels = mission.satellite, mission.scenario, mission.satellite.wheels
-        kept = 1.0 - world.tracking_bandwidth * world.sample_period
-        impulse = world.torque_noise * world.sample_period * wheels.max_torque  # of a sample
-        variance = ((np.linalg.inv(mission.prior.inertia) @ wheels.axes * impulse) ** 2).sum(axis=1) / (1.0 - kept**2)
+        noise = world.tracking_noise * wheels.max_torque  # N m s
+        variance = ((np.linalg.inv(mission.prior.inertia) @ wheels.axes * noise) ** 2).sum(axis=1)
         std = np.sqrt(variance + satellite.gyro_noise_std**2)
         return np.maximum(1.0 - self.margin * std / satellite.rate_limit, 0.0)
 

@@ -12,11 +12,11 @@ from typing import Literal
 import numpy as np
 
 from satid_gym.core.algebra import add, cross, inverse, multiply
-from satid_gym.core.belief import attitude, filters, modes, whiteness
+from satid_gym.core.belief import filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.observed_number import BOUND, LOG_OFFSET, log_share, write
-from satid_gym.core.observed_sky import observe_sky, observe_window
+from satid_gym.core.observed_sky import attitude_std, observe_sky, observe_window
 from satid_gym.core.records import ObservationForm
 from satid_gym.core.wheels import reachable, speed_shares, sum_wheels, wheel_momentum
 
@@ -141,9 +141,9 @@ def observe(belief, task, gyro, tachometer, out):
         i = write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
         i = _observe_modes(belief, task, omega, out, i)
     if belief.attitude.on != 0:
-        i = write(out, i, log_share(attitude.std_about(belief, 1.0, 0.0, 0.0)))
-        i = write(out, i, log_share(attitude.std_about(belief, 0.0, 1.0, 0.0)))
-        i = write(out, i, log_share(attitude.std_about(belief, 0.0, 0.0, 1.0)))
+        i = write(out, i, log_share(attitude_std(belief, 1.0, 0.0, 0.0)))
+        i = write(out, i, log_share(attitude_std(belief, 0.0, 1.0, 0.0)))
+        i = write(out, i, log_share(attitude_std(belief, 0.0, 0.0, 1.0)))
         i = write(out, i, belief.attitude.age / decision_period)
         i = observe_sky(belief, task, out, i)
         if task.tells_window != 0:

@@ -1,4 +1,4 @@
-"""Sky in the observation: where Sun and Earth are, and the target of the payload, by the estimated attitude."""
+"""Sky in the observation: how well the attitude is known, and by it Sun and Earth, and the payload's target."""
 
 from __future__ import annotations
 
@@ -8,9 +8,23 @@ from satid_gym.core.algebra import cross, dot, load, norm
 from satid_gym.core.belief import attitude
 from satid_gym.core.jit import outline
 from satid_gym.core.observed_number import write
-from satid_gym.core.rotation import to_body
+from satid_gym.core.rotation import load_quaternion, to_body, to_inertial
 
 WINDOW_UNIT = 60.0  # s, that an observed time to an opening or a closing is counted in
+
+
+@outline
+def attitude_std(belief, x, y, z):
+    """Std of the attitude's error about an axis of the body frame, rad; 1 where the attitude is not known."""
+    if not attitude.is_known(belief):
+        return 1.0
+    first = belief.attitude.first
+    axis = to_inertial(load_quaternion(belief.attitude.quaternion), (x, y, z))
+    variance = 0.0
+    for i in range(3):
+        for j in range(3):
+            variance += axis[i] * belief.covariance[first + i, first + j] * axis[j]
+    return np.sqrt(variance)
 
 
 @outline

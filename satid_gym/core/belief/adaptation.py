@@ -150,12 +150,6 @@ def has_stepped(belief, work):
 
 
 @inline
-def has_just_stepped(belief):
-    """Whether the last reading said that the inertia has stepped."""
-    return belief.adaptation.on != 0 and belief.adaptation.since_step == 0.0
-
-
-@inline
 def step(belief):
     """Raise theta's covariance for a step of the inertia, and count it."""
     count_step(belief.adaptation)

@@ -11,8 +11,9 @@ change. Noise of the tachometers enters M and psi as one and the same. A reading
     q_read q^-1 = exp(psi + noise),   N = s_a^2 (1 - b b^T) + s_r^2 b b^T,   b: boresight, inertial frame
 
 After each update q takes up the mean of psi. The attitude begins with a reading, and begins again with another where
-no sample came for so long that nobody knows how far the body has turned. Where the inertia steps, or a mass moves, the
-rate was wrong for a part of a sample, which the covariance takes up.
+no sample came for so long that nobody knows how far the body has turned, and with each reading while theta is coarse
+after a step. Where the inertia steps, or a mass moves, the rate was wrong for a part of a sample, which the covariance
+takes up.
 Source: Lefferts, Markley, Shuster, Kalman filtering for spacecraft attitude estimation (1982); Markley, Attitude error
 representations for Kalman filtering (2003). The rate being the filter's own, not the gyro's, is this project's design.
 """
@@ -23,9 +24,9 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy, load, multiply, norm, store, store_symmetric, subtract
+from satid_gym.core.algebra import axpy, inverse, load, multiply, norm, store, store_symmetric, subtract
 from satid_gym.core.belief import momentum_model
-from satid_gym.core.belief.kalman import write_cross_times, write_times_regressor
+from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
@@ -46,6 +47,7 @@ def attitude_dtype() -> np.dtype:
             ("known", INT),  # 0: it has not begun
             ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
             ("age", FLOAT),  # s since the last reading; as long as the flight before the first
+            ("span", FLOAT),  # s of the last prediction
         ],
         align=True,
     )
@@ -98,20 +100,6 @@ def is_known(belief):
     for i in range(3):
         variance = max(variance, belief.covariance[state.first + i, state.first + i])
     return state.known != 0 and variance < _KNOWN**2
-
-
-@outline
-def std_about(belief, x, y, z):
-    """Standard deviation of the error about an axis of the body frame, rad; 1 where the attitude is not known."""
-    if not is_known(belief):
-        return 1.0
-    first = belief.attitude.first
-    axis = to_inertial(load_quaternion(belief.attitude.quaternion), (x, y, z))
-    variance = 0.0
-    for i in range(3):
-        for j in range(3):
-            variance += axis[i] * belief.covariance[first + i, first + j] * axis[j]
-    return np.sqrt(variance)
 
 
 @inline
@@ -210,12 +198,20 @@ def add_rate_noise(belief, work, momentum, noise, h2):
 
 
 @outline
-def doubt(belief, work, omega, change, dt):
-    """Add what the rate was wrong by in dt seconds within which the inertia changed by so much, relative (std)."""
-    variance, momentum = (change * norm(omega)) ** 2, load(belief.mean)
+def doubt(belief, work, change):
+    """Add to attitude and M what the rate was wrong by in the last prediction, where the inertia changed within it.
+
+    `change` is its std, relative. Without an attitude M is taken as it is: its error is small by comparison.
+    """
+    state = belief.attitude
+    if state.on == 0 or state.known == 0:
+        return
+    momentum = load(belief.mean)
+    omega = multiply(inverse(estimated_inertia(belief)), momentum_model.body_momentum(belief))
+    variance = (change * norm(omega)) ** 2
     noise = (variance, variance, variance, 0.0, 0.0, 0.0)
-    momentum_model.add_rate_noise(belief, work, momentum, noise, dt * dt)
-    add_rate_noise(belief, work, momentum, noise, dt * dt)
+    momentum_model.add_rate_noise(belief, work, momentum, noise, state.span**2)
+    add_rate_noise(belief, work, momentum, noise, state.span**2)
 
 
 @outline

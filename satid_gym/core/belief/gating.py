@@ -6,12 +6,9 @@ after _REJECTIONS_MAX rejections in a row is accepted, for then the model is wro
 reading that M was started with was an outlier. Where no reading of the gyro is accepted the filter coasts: it
 propagates only.
 
-A wheel whose tachometer is stuck is assumed to follow its command, and may do otherwise by more than any motor can.
-The gyro then measures M - a = J omega, and momentum, which the wheels cannot change, says what went into the wheel:
-the update's part along its axis is taken as motion of the wheel (`follow_unmeasured_wheels`). M - a, and with it the
-covariance, does not depend on how an update is shared between the two. After an outage of the gyro as well nobody
-knows how the body turns, so M is reinitialised when both are back; until then no reading would show a step of the
-inertia, and theta's covariance grows as if one came every half hour.
+What a wheel does whose tachometer is stuck, `unmeasured` says. After an outage of the gyro as well nobody knows how the
+body turns, so M is reinitialised when both are back; until then no reading would show a step of the inertia, and
+theta's covariance grows as if one came every half hour, which is an assumption.
 Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
 (2001), ch. 5.4.
 """
@@ -22,16 +19,14 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy, cross, dot, inverse, load, multiply, store, subtract
+from satid_gym.core.algebra import dot, inverse, load, multiply, store
+from satid_gym.core.belief.unmeasured import RECOVERED, STUCK, shift
 from satid_gym.core.jit import inline
 from satid_gym.core.records import FLOAT, INT
-from satid_gym.core.wheels import along_axis, wheel_axis
 
-STUCK, _RECOVERED = 1, 2  # tachometer repeats itself; did so until the last reading
-_UNMEASURED_TORQUE_FACTOR = 10.0  # spin of a wheel without tachometer, over its motor's: less would tell of J
 _OUTAGE_MAX = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
 _REJECTIONS_MAX = 2  # in a row
-_STEP_INTERVAL = 1800.0  # s, mean time between two steps of the inertia
+_STEP_INTERVAL = 1800.0  # s, assumed between two steps of the inertia where none would be seen
 ACCEPTED, REINITIALISE, STEPPED = 0.0, -1.0, -2.0  # what `validate` returns for a reading that is not rejected
 STEP = 0.1  # std of a sudden change of each moment, relative to the prior: what a run of rejections stands for
 
@@ -65,14 +60,6 @@ def begin(belief, gyro, tachometer):
 
 
 @inline
-def _shift(belief, k, spin):
-    """Add `spin` N m s about the axis of wheel k to M and to A j Omega; M - A j Omega stays."""
-    axis = wheel_axis(belief.axes, k)
-    store(belief.mean, axpy(spin, axis, load(belief.mean)))
-    store(belief.wheel_input, axpy(spin, axis, load(belief.wheel_input)))
-
-
-@inline
 def gate_tachometers(belief, tachometer, torque, dt):
     """Write to belief.speed the wheel speeds (n,) that the filter uses, to belief.stuck the state of the tachometers.
 
@@ -88,9 +75,9 @@ def gate_tachometers(belief, tachometer, torque, dt):
             belief.stuck[k] = STUCK
         else:
             if belief.stuck[k] == STUCK:
-                _shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
+                shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
             belief.speed[k] = tachometer[k]
-            belief.stuck[k] = _RECOVERED if belief.stuck[k] == STUCK else 0
+            belief.stuck[k] = RECOVERED if belief.stuck[k] == STUCK else 0
     if unobserved:
         belief.gate.outage += 1
     elif belief.gate.outage <= _OUTAGE_MAX:
@@ -111,61 +98,11 @@ def is_momentum_lost(belief):
 
 
 @inline
-def inflate_momentum(belief, J_inv, dt):
-    """Add to P_MM what wheels without tachometer may have done in the dt seconds of a prediction.
-
-    Spin s taken up evenly moves M - a by -s (A_k + dt / 2 M x J^-1 A_k).
-    """
-    covariance = belief.covariance
-    for k in range(belief.stuck.shape[0]):
-        if belief.stuck[k] != 0:
-            axis = wheel_axis(belief.axes, k)
-            g = axpy(0.5 * dt, cross(load(belief.mean), multiply(J_inv, axis)), axis)
-            variance = (_UNMEASURED_TORQUE_FACTOR * belief.gate.torque_max[k] * dt) ** 2
-            for i in range(3):
-                for j in range(i, 3):
-                    covariance[i, j] = covariance[j, i] = covariance[i, j] + variance * g[i] * g[j]
-
-
-@inline
 def doubt_inertia(belief, dt):
     """Add to theta's covariance the steps that may have come in dt seconds in which M was unknown."""
     if belief.gate.outage > _OUTAGE_MAX:
         for k in range(belief.theta_scale.shape[0]):
             belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2 * dt / _STEP_INTERVAL
-
-
-@inline
-def along_unmeasured(belief, v):
-    """Part of a vector along the axes of the wheels whose speed is not measured."""
-    part = (0.0, 0.0, 0.0)
-    for k in range(belief.stuck.shape[0]):
-        if belief.stuck[k] != 0:
-            part = axpy(along_axis(belief.axes, k, v), wheel_axis(belief.axes, k), part)
-    return part
-
-
-@inline
-def hold_total(belief, omega, jacobian):
-    """Take M along the axis of a wheel without tachometer as known in d(M x omega) / dM, `jacobian` (3, 3).
-
-    The error of M - a there, which the covariance has, is that of the wheel: M itself goes on as it was.
-    """
-    for j in range(3):
-        unit = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
-        turned = cross(omega, along_unmeasured(belief, unit))
-        for i in range(3):
-            jacobian[i, j] += turned[i]
-
-
-@inline
-def follow_unmeasured_wheels(belief, momentum):
-    """After an update that began at `momentum`, take its part along the axis of an unmeasured wheel as spin."""
-    for k in range(belief.stuck.shape[0]):
-        if belief.stuck[k] == STUCK:
-            spin = -along_axis(belief.axes, k, subtract(load(belief.mean), momentum))
-            _shift(belief, k, spin)
-            belief.speed[k] += spin / belief.wheel_inertia[k]
 
 
 @inline

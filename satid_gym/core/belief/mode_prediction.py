@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import add, axpy, cross, dot, inverse, load, load_symmetric, multiply, store, subtract
-from satid_gym.core.belief import gating
+from satid_gym.core.belief import unmeasured
 from satid_gym.core.belief.modes import (
     STATES,
     bent_rate,
@@ -97,8 +97,8 @@ def _turn_sensitivity(belief, work, momentum, omega, source, out, h):
     first_torque, rates, middle = 3 + belief.prior_theta.shape[0], work.modes.omega, work.modes.middle
     for j in range(belief.mean.shape[0]):
         by_momentum, by_rate = load_column(middle, j), load_column(rates, j)
-        if belief.gate.threshold > 0.0:  # as `gating.hold_total` has it
-            by_momentum = subtract(by_momentum, gating.along_unmeasured(belief, by_momentum))
+        if belief.gate.threshold > 0.0:  # as `unmeasured.hold_total` has it
+            by_momentum = subtract(by_momentum, unmeasured.along_axes(belief, by_momentum))
         change = add(cross(by_momentum, omega), cross(momentum, by_rate))
         out[0, j] = source[0, j] + h * change[0]
         out[1, j] = source[1, j] + h * change[1]

@@ -34,6 +34,7 @@ from satid_gym.core.belief import (
     modes,
     momentum_model,
     momentum_update,
+    unmeasured,
 )
 from satid_gym.core.belief.kalman import estimated_inertia, propagate
 from satid_gym.core.belief.momentum_start import start_momentum
@@ -46,8 +47,6 @@ def predict(belief, work, tachometer, dt):
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     turns = belief.attitude.on != 0 and belief.attitude.known != 0
-    if turns and adaptation.has_just_stepped(belief):
-        attitude.doubt(belief, work, rate(belief), gating.STEP, dt)
     calibration.begin_prediction(belief)
     gated = belief.gate.threshold > 0.0
     if gated:
@@ -77,12 +76,12 @@ def predict(belief, work, tachometer, dt):
         omega = multiply(J_inv, subtract(momentum, a0))
         momentum_model.write_slope_jacobian(momentum, omega, J_inv, work, 0)
         if gated:
-            gating.hold_total(belief, omega, work.jacobian[0])
+            unmeasured.hold_total(belief, omega, work.jacobian[0])
         middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
         omega = multiply(J_inv, subtract(middle, a1))
         momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
         if gated:
-            gating.hold_total(belief, omega, work.jacobian[1])
+            unmeasured.hold_total(belief, omega, work.jacobian[1])
         store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
         momentum_model.write_transition(work, p, h)
         shares = step * per_step, (step + 0.5) * per_step
@@ -96,14 +95,15 @@ def predict(belief, work, tachometer, dt):
                 attitude.add_rate_noise(belief, work, middle, noise, h * dt)
     if belief.attitude.on != 0:
         belief.attitude.age += dt
+        belief.attitude.span = dt
     if gated:
-        gating.inflate_momentum(belief, J_inv, dt)
+        unmeasured.inflate_momentum(belief, J_inv, dt)
         gating.doubt_inertia(belief, dt)
     store(belief.wheel_input, after)
     if belief.announced > 0.0:
         announcement.raise_covariance(belief, work)
-        if turns:
-            attitude.doubt(belief, work, rate(belief), announcement.size(belief), dt)
+        if belief.leaves == 0:  # what leaves takes its momentum along: the rate stays
+            attitude.doubt(belief, work, announcement.size(belief))
 
 
 @inline
@@ -157,5 +157,5 @@ def condition(belief, work, gyro):
     if belief.modes.coupling.shape[0] > 0:
         modes.refresh(belief)
     if gated:
-        gating.follow_unmeasured_wheels(belief, before)
+        unmeasured.follow(belief, before)
     return nis

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from satid_gym.core.belief import adaptation, alignment, attitude, modes, momentum_model, retraction, whiteness
+from satid_gym.core.belief.gating import STEP
 from satid_gym.core.belief.kalman import is_known_to, update
 from satid_gym.core.jit import inline, outline
 
@@ -16,6 +17,7 @@ def update_gyro(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
     if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
+        attitude.doubt(belief, work, STEP)
         if alignment.is_mixed(belief):
             return 0.0
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
@@ -99,17 +101,18 @@ def _copy(mean, covariance, to_mean, to_covariance, size):
 def update_attitude(belief, work, reading):
     """Update by a reading (4,) of the star tracker; normalised innovation squared (3), 0 where nothing was compared.
 
-    Where updates are iterated, while a moment is known to no better than 5 %, the attitude begins again with each
-    reading.
+    After a step updates by the gyro are iterated while a moment is known to no better than 5 %: the attitude begins
+    again with each reading.
     """
     belief.attitude.age = 0.0
-    iterated = is_coarse(belief) and (belief.rate_coordinates == 0 or belief.stepped != 0)
+    iterated = is_coarse(belief) and belief.stepped != 0
     if iterated or not attitude.is_known(belief):
         attitude.begin(belief, reading)
         return 0.0
     attitude.linearise(belief, work, reading)
     if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
+        attitude.doubt(belief, work, STEP)
         attitude.begin(belief, reading)
         return 0.0
     nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)

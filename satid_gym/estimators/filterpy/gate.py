@@ -39,8 +39,8 @@ class Gate:
         self.outage = self.outage + 1 if was.any() and self.coasting else self.outage if self.outage > 10 else 0
         self.stuck = (wheel_speed == self.tachometer) & (self.model.prior.tachometer_noise_std > 0.0)
         self.recovered = was & ~self.stuck
-        unmeasured = wheels.axes[:, self.stuck | self.recovered]
-        self.model.felt = np.eye(3) - unmeasured @ unmeasured.T
+        unmeasured = wheels.axes[:, self.stuck]
+        self.model.felt = np.eye(3) - unmeasured @ np.linalg.pinv(unmeasured)
         shift = self.model.spin[:, self.recovered] @ (wheel_speed - self.speed)[self.recovered]
         self.speed = np.where(self.stuck, self.speed + self.torque * dt / wheels.inertia, wheel_speed)
         self.tachometer = np.array(wheel_speed)
