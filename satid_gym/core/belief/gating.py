@@ -7,8 +7,8 @@ reading that M was started with was an outlier. Where no reading of the gyro is 
 propagates only.
 
 What a wheel does whose tachometer is stuck, `unmeasured` says. After an outage of the gyro as well nobody knows how the
-body turns, so M is reinitialised when both are back; until then no reading would show a step of the inertia, and
-theta's covariance grows as if one came every half hour, which is an assumption.
+body turns, so M is reinitialised when both are back. Without a gyro for a second, or without M, no reading shows a step
+of the inertia: theta's covariance grows as if one came every half hour, which is an assumption.
 Source of the gate: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation
 (2001), ch. 5.4.
 """
@@ -44,6 +44,7 @@ def gate_dtype(n: int) -> np.dtype:
             ("confirmed", INT),  # 1: a reading has agreed with the one that M was started with
             ("last_gyro", FLOAT, 3),
             ("last_speed", FLOAT, n),  # of the tachometers
+            ("silent", INT),  # samples in a row without a reading of the gyro that was accepted
             ("outage", INT),  # samples for which neither the gyro nor a stuck tachometer gave a new reading
         ],
         align=True,
@@ -65,6 +66,7 @@ def gate_tachometers(belief, tachometer, torque, dt):
 
     A wheel without tachometer is taken to follow the commanded `torque` (n,).
     """
+    belief.gate.silent = belief.gate.silent + 1 if belief.coasting != 0 else 0
     unobserved = False
     for k in range(tachometer.shape[0]):
         unobserved = unobserved or (belief.stuck[k] == STUCK and belief.coasting != 0)
@@ -99,8 +101,8 @@ def is_momentum_lost(belief):
 
 @inline
 def doubt_inertia(belief, dt):
-    """Add to theta's covariance the steps that may have come in dt seconds in which M was unknown."""
-    if belief.gate.outage > _OUTAGE_MAX:
+    """Add to theta's covariance the steps that may have come in dt seconds for which no reading shows them."""
+    if max(belief.gate.silent, belief.gate.outage) > _OUTAGE_MAX:
         for k in range(belief.theta_scale.shape[0]):
             belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2 * dt / _STEP_INTERVAL
 

@@ -30,12 +30,13 @@ class Gate:
         self.speed, self.torque = np.array(wheel_speed), np.zeros(len(wheel_speed))
         self.stuck = np.zeros(len(wheel_speed), bool)
         self.recovered = self.stuck.copy()
-        self.coasting, self.confirmed, self.outage = False, False, 0
+        self.coasting, self.confirmed, self.outage, self.silent = False, False, 0, 0
         self.rejections, self.since_rejection, self.stepped = 0, 0, False
 
     def look(self, wheel_speed: np.ndarray, dt: float) -> np.ndarray:
         """Gate the tachometers; returns what M and a gain (3,) from those that are back."""
         was, wheels = self.stuck, self.model.prior.wheels
+        self.silent = self.silent + 1 if self.coasting else 0
         self.outage = self.outage + 1 if was.any() and self.coasting else self.outage if self.outage > 10 else 0
         self.stuck = (wheel_speed == self.tachometer) & (self.model.prior.tachometer_noise_std > 0.0)
         self.recovered = was & ~self.stuck
@@ -60,7 +61,7 @@ class Gate:
     def steps_unseen(self, dt: float) -> np.ndarray:
         """(p, p) covariance of the steps of theta that no reading would have shown."""
         variance = (0.1 * self.model.prior.theta_scale(self.model.parameters)) ** 2 * dt / 1800.0
-        return np.diag(variance) if self.outage > 10 else np.zeros((self.model.p, self.model.p))
+        return np.diag(variance) if max(self.silent, self.outage) > 10 else np.zeros((self.model.p, self.model.p))
 
     def repeated(self, gyro: np.ndarray) -> bool:
         """Whether the gyro, which has noise, repeats itself."""
