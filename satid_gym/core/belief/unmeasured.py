@@ -11,7 +11,7 @@ Source: this project's design.
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import axpy, cross, dot, load, multiply, scale, store, subtract
+from satid_gym.core.algebra import axpy, cross, dot, load, multiply, store, subtract
 from satid_gym.core.jit import inline
 from satid_gym.core.wheels import along_axis, wheel_axis
 
@@ -39,7 +39,8 @@ def along_axes(belief, v):
             axis = axpy(-dot(first, axis), first, axpy(-dot(second, axis), second, axis))
             square = dot(axis, axis)
             if square > _PARALLEL:  # orthonormal, one after another
-                axis = scale(axis, (square**-0.5, square**-0.5, square**-0.5))
+                length = square**0.5
+                axis = axis[0] / length, axis[1] / length, axis[2] / length
                 rest = axpy(-dot(axis, rest), axis, rest)
                 first, second, found = axis, first, found + 1
     return subtract(v, rest)
