@@ -98,7 +98,7 @@ def test_a_checkpoint_of_other_networks_is_refused(finished, tmp_path, capsys):
 
 
 def test_a_short_training_lowers_the_errors(tmp_path):
-    settings = SACSettings(satellite="microsat", steps=16_000, evaluate_every=16_000)
+    settings = SACSettings(satellite="microsat", steps=24_000, evaluate_every=24_000)
     run = Run(settings, tmp_path / "short", resume=False, module="agents.train")
     sac.train(run)
     first, last = run.curve[0], run.curve[-1]
