@@ -201,7 +201,7 @@ def add_rate_noise(belief, work, momentum, noise, h2):
 def doubt(belief, work, change):
     """Add to attitude and M what the rate was wrong by in the last prediction, where the inertia changed within it.
 
-    `change` is its std, relative. Without an attitude M is taken as it is: its error is small by comparison.
+    `change` is its std, relative. Without an attitude M is left as it is.
     """
     state = belief.attitude
     if state.on == 0 or state.known == 0:

@@ -20,7 +20,7 @@ import functools
 import numpy as np
 
 from satid_gym.core.algebra import dot, inverse, load, multiply, store
-from satid_gym.core.belief.unmeasured import RECOVERED, STUCK, shift
+from satid_gym.core.belief.unmeasured import RECOVERED, STUCK, is_any_stuck, shift
 from satid_gym.core.jit import inline
 from satid_gym.core.records import FLOAT, INT
 
@@ -92,10 +92,8 @@ def gate_tachometers(belief, tachometer, torque, dt):
 def is_momentum_lost(belief):
     """Whether M - a was unobserved for so long that nothing is known of M; it is over once all sensors are back."""
     lost = belief.gate.outage > _OUTAGE_MAX
-    for k in range(belief.stuck.shape[0]):
-        if belief.stuck[k] == STUCK:
-            return lost
-    belief.gate.outage = 0
+    if not is_any_stuck(belief):
+        belief.gate.outage = 0
     return lost
 
 

@@ -46,11 +46,11 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
-    turns = belief.attitude.on != 0 and belief.attitude.known != 0
     calibration.begin_prediction(belief)
-    gated = belief.gate.threshold > 0.0
+    gated, holds = belief.gate.threshold > 0.0, False
     if gated:
         gating.gate_tachometers(belief, tachometer, work.torque, dt)
+        holds = unmeasured.is_any_stuck(belief)
     else:
         alignment.take_wheels(belief, tachometer, work.torque, dt)
     after = calibration.wheel_input(belief, belief.speed)
@@ -68,6 +68,7 @@ def predict(belief, work, tachometer, dt):
         if belief.alignment.noise_taps == 0:
             mode_prediction.add_tachometer_noise(belief, momentum, noise, dt)
         mode_prediction.add_curvature(belief, dt)
+    turns = belief.attitude.on != 0 and belief.attitude.known != 0
     offset = attitude.reference(belief, J_inv, before) if turns else before
     for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
@@ -75,12 +76,12 @@ def predict(belief, work, tachometer, dt):
         momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
         omega = multiply(J_inv, subtract(momentum, a0))
         momentum_model.write_slope_jacobian(momentum, omega, J_inv, work, 0)
-        if gated:
+        if holds:
             unmeasured.hold_total(belief, omega, work.jacobian[0])
         middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
         omega = multiply(J_inv, subtract(middle, a1))
         momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
-        if gated:
+        if holds:
             unmeasured.hold_total(belief, omega, work.jacobian[1])
         store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
         momentum_model.write_transition(work, p, h)

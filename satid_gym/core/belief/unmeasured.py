@@ -29,6 +29,15 @@ def shift(belief, k, spin):
 
 
 @inline
+def is_any_stuck(belief):
+    """Whether a tachometer is stuck."""
+    stuck = False
+    for k in range(belief.stuck.shape[0]):
+        stuck = stuck or belief.stuck[k] == STUCK
+    return stuck
+
+
+@inline
 def along_axes(belief, v):
     """Part of a vector in what the axes of the wheels without tachometer span."""
     rest, found = v, 0
