@@ -251,7 +251,7 @@ def test_the_scenario_goes_through_json():
 def test_a_way_past_the_sun_goes_round_it():
     """Kinematics alone: the boresight follows the commanded rates from one side of the keep-out to the other."""
     own = mission()
-    guide, rng = Pointing(own, 0.0, "test"), np.random.default_rng(0)
+    guide, rng = Pointing([own], 0.0, "test"), np.random.default_rng(0)
     size = max(place.stop for place in own.layout.values())
     for _ in range(20):
         body = Rotation.random(random_state=rng.integers(2**31))

@@ -44,7 +44,7 @@ def main(settings: Evolution) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder)
     asked, judged = _kept(settings)
-    first = np.array([{"waited": 1.0, "gain": settings.gain}.get(name, 0.0) for name in settings.features])
+    first = settings.first
     options = {"popsize": settings.population, "seed": settings.seed + 1, "verbose": -9, "maxiter": 10**9}
     search = cma.CMAEvolutionStrategy(first, settings.step, options)
     rows, means = _curve(folder), []

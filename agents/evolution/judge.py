@@ -26,12 +26,13 @@ class Judge:
             settings.episodes,
             settings.flies("tuning", settings.drawn),
             "random",
-            settings.scenario,
+            settings.world,
             control="rate",
             num_threads=1,
             **observation_settings(settings.policy(np.zeros(len(settings.features)))),
         )
-        self._tour = CornerTour(missions(self._env.problem), settings.margin, features=settings.features)
+        given = {"features": settings.features, "settle": settings.settle}
+        self._tour = CornerTour(missions(self._env.problem), settings.margin, **given)
         self._expected = relative_error if settings.is_drawn else expected_error
         self._settings = settings
 

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_names, check_number
-from satid_gym.control.corner_features import FEATURES, RIGID, takes_walk
+from satid_gym.control.corner_features import features_of, takes_walk
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
 from satid_gym.policies.learned import LearnedPolicy, check_name
 from satid_gym.policies.network import Network
+from satid_gym.policies.shipped import find
 from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 
 
@@ -26,6 +28,8 @@ class Evolution:
     """What tables call the policy."""
     scenario: str = "slosh"
     """Scenario that is flown."""
+    horizon: float | None = None
+    """s that an episode of training lasts. Default: the scenario's."""
     satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
     """Satellites that fly, the same policy on all; or ("drawn",): as many as `drawn` of any kind."""
     drawn: int = 256
@@ -40,14 +44,18 @@ class Evolution:
     """Sets of weights in a generation."""
     episodes: int = 63
     """Episodes that judge each of them, the same for all of a generation."""
+    start: str | None = None
+    """Tour whose weights are the first, by name or path. Default: that of the waits is 1, of what a turn tells `gain`."""
     gain: float = 1.0
-    """First weight of what a turn tells; that of the waits is 1, of all others 0."""
+    """First weight of what a turn tells, see `start`."""
     step: float = 0.15
     """First standard deviation of the weights."""
     price: float = 5.0
     """Log of the error that each share of an episode beyond a limit costs, beyond the first 0.5 %."""
     margin: float = 3.5
     """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
+    settle: float = 5.0
+    """s before an imaging window opens at which the target is to be held."""
     seed: int = 0
     """Seed of the evolution."""
     workers: int = 2
@@ -71,11 +79,31 @@ class Evolution:
         check_number("gain", self.gain)
         check_number("price", self.price)
         check_number("step", self.step, strict=True)
+        check_number("settle", self.settle)
+        if self.start is not None and not find(self.start).corner_features:
+            raise ValueError(f"start must be a policy that scores corners, such as rigid_tour; {self.start} does not")
+        if self.horizon is not None:
+            check_number("horizon", self.horizon, strict=True)
 
     @property
     def folder(self) -> Path:
         """Folder of the run."""
         return self.output or Path("runs") / f"{self.name}-{self.seed}"
+
+    @property
+    def world(self) -> Scenario:
+        """Scenario of training."""
+        scenario = SCENARIOS[self.scenario]
+        return scenario if self.horizon is None else scenario.replace(horizon=self.horizon)
+
+    @property
+    def first(self) -> np.ndarray:
+        """(features,) weights to begin with."""
+        weights = {"waited": 1.0, "gain": self.gain}
+        if self.start is not None:
+            tour = find(self.start)
+            weights = dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
+        return np.array([weights.get(name, 0.0) for name in self.features])
 
     @property
     def is_drawn(self) -> bool:
@@ -90,12 +118,12 @@ class Evolution:
 
     @property
     def features(self) -> tuple[str, ...]:
-        """What the score takes: without modes, where there are none."""
-        return RIGID if SCENARIOS[self.scenario].appendages is None else tuple(FEATURES)
+        """What the score takes."""
+        return features_of(SCENARIOS[self.scenario])
 
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""
         network = Network((weights[None].astype(np.float32),), (np.zeros(1, np.float32),))
         given = {"observation": "body", "corner_features": self.features}
-        given |= {"include_covariance": True, "include_walk": takes_walk(self.features)}
+        given |= {"settle": self.settle, "include_covariance": True, "include_walk": takes_walk(self.features)}
         return LearnedPolicy(self.name, network, "rate", self.margin, details=details, **given)

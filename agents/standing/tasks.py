@@ -15,9 +15,8 @@ import numpy as np
 
 from baselines.command.provenance import revision
 from baselines.scenarios.flights import Cell, Flown, flown
-from baselines.scenarios.in_the_gaps import InTheGaps
 from baselines.scenarios.oracle import PLANS, effort, search
-from baselines.scenarios.tune import tuned, tuned_rival
+from baselines.scenarios.tune import tuned
 from baselines.studies.performance_bound import performance_bound
 from baselines.studies.timing import TimedPolicy
 from satid_gym.estimators import MomentumEKFSettings
@@ -146,14 +145,9 @@ def _where(cell: Cell) -> dict[str, Any]:
 
 
 def _learned(cell: Cell, episodes: Episodes, policy: LearnedPolicy) -> Task:
-    """A learned policy; one that tours corners knows of no imaging windows, and flies in the gaps between them."""
     tensors = sorted(policy.network.tensors().items())
     weights = hashlib.sha256(b"".join(tensor.tobytes() for _, tensor in tensors)).hexdigest()
-    if SCENARIOS[cell.scenario].operations is None or not policy.corner_features:
-        return _policy(cell, episodes, {}, policy, weights=weights)
-    settings, _ = tuned_rival(cell.scenario, cell.satellite, "swing_between")
-    settle = settings["settle"]
-    return _policy(cell, episodes, {"settle": settle}, InTheGaps(policy, settle), weights=weights)
+    return _policy(cell, episodes, {}, policy, weights=weights)
 
 
 def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy, **identity: str) -> Task:

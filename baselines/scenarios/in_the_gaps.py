@@ -6,21 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from satid_gym.control.pointing import View
-from satid_gym.policies.operator import OperatorPolicy
+from satid_gym.config import check_number
+from satid_gym.control.gaps import Gaps
 from satid_gym.policy import Mission, Policy, observation_settings, show_filter
 
 
-class InTheGaps(OperatorPolicy):
+class InTheGaps:
     """A policy of rates that gives way to the operator when the way to the target takes what is left of the gap.
 
     Args:
         policy: what flies in the gaps; it observes what it would alone.
         settle: s before the opening at which the target is to be held.
+        margin: of the rates of slews, see `RateMargin`.
     """
 
-    def __init__(self, policy: Policy, settle: float = 3.0) -> None:
-        super().__init__(settle)
+    def __init__(self, policy: Policy, settle: float = 3.0, margin: float = 3.5) -> None:
+        self.settle, self.margin = check_number("settle", settle), check_number("margin", margin)
         self.name, self.kind = policy.name, policy.kind
         vars(self).update(observation_settings(policy))
         self._policy = policy
@@ -31,15 +32,14 @@ class InTheGaps(OperatorPolicy):
         Raises:
             ValueError: the environment takes torques, or there are no windows.
         """
-        super().reset(mission, seeds)
+        self._gaps = Gaps([mission], self.margin, self.settle, self.name)
+        self._gaps.begin(len(seeds))
         self._policy.reset(mission, seeds)
 
     def see(self, beliefs: np.ndarray, tasks: np.ndarray) -> None:
         """Show the policy the filters (N,) that fly, where it plans with them."""
         show_filter(self._policy, beliefs, tasks)
 
-    def _flown(self, observation: np.ndarray, view: View) -> np.ndarray:
-        guide = self._pointing
-        excitation = self._policy(observation)
-        slew = guide.slew(view, guide.fastest(view))
-        return np.where(self._spare(view)[:, None] > 0.0, excitation, slew)
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, 3)."""
+        return self._gaps(observation, self._policy(observation))

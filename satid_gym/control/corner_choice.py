@@ -22,6 +22,7 @@ from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.core.observation import observed_std, state_pairs
+from satid_gym.core.observed_sky import WINDOW_UNIT
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 
 HOLD = 7.0  # s
@@ -63,6 +64,7 @@ class Choice:
         reverses: (N, 8, 3) whether a corner reverses an axis.
         waited: (N, 3) time since each axis reversed, s.
         own: (N, 8) score of the law by waits.
+        turned: (N, 3) rad over the rate limit, s: turned since the last reading of the stars.
         modes: of panels and tanks.
         foreseen: forecasts these.
         peak: (N, 8) of them after one decision at a corner and then the best.
@@ -76,6 +78,7 @@ class Choice:
     reverses: np.ndarray
     waited: np.ndarray
     own: np.ndarray
+    turned: np.ndarray
     modes: Modes
     foreseen: ObservedModes
     peak: np.ndarray
@@ -140,6 +143,23 @@ class Choice:
     def slewed(self) -> np.ndarray:
         """(N, 3) waits over the time that it takes to reverse an axis."""
         return self.waited * self.seen["control_authority"] / (2.0 * self.period)
+
+    @cached_property
+    def closing(self) -> np.ndarray:
+        """(N, 1) to 1, as the time that a gap between imaging windows leaves beside the way to the target runs out."""
+        way = np.abs(self.seen["target"]).max(axis=1) / self.craft.rate_limit
+        left = WINDOW_UNIT * self.seen["window"][:, 0] - way
+        return np.exp(-np.maximum(left, 0.0) / EARLY)[:, None]
+
+    @cached_property
+    def onward(self) -> np.ndarray:
+        """(N, 8) of a corner along what was turned since the stars were read, which is longer by that."""
+        return (self.corners @ self.turned[:, :, None])[:, :, 0] / LATE
+
+    @cached_property
+    def towards(self) -> np.ndarray:
+        """(N, 8) of a corner along the way to the target, in radians."""
+        return (self.corners @ self.seen["target"][:, :, None])[:, :, 0]
 
     @cached_property
     def turn(self) -> np.ndarray:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from satid_gym.control.corner_choice import Choice
+from satid_gym.scenario import Scenario
 
 SLEWS = 3.0
 FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
@@ -67,11 +68,35 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "drive_frequency": lambda c: np.abs(c.drive) * c.mode.frequency,
     "drive_deflection": lambda c: c.drive * c.mode.deflection,
     "drive_speed": lambda c: c.drive * c.mode.speed,
+    "reversals_closing": lambda c: c.count * c.closing,
+    "any_closing": lambda c: c.some * c.closing,
+    "gain_closing": lambda c: c.complete_gain * c.closing,
+    "onward": lambda c: c.onward,
+    "onward_early": lambda c: c.onward * c.early,
+    "onward_closing": lambda c: c.onward * c.closing,
+    "onward_uncertainty": lambda c: c.onward * c.uncertainty,
+    "towards": lambda c: c.towards,
+    "towards_closing": lambda c: c.towards * c.closing,
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
 _OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive")
-RIGID = tuple(name for name in FEATURES if not any(part in name for part in _OF_MODES))
-"""Those that a satellite without panels and tanks has."""
+_OF_WINDOWS = ("closing", "towards", "onward")
+RIGID = tuple(name for name in FEATURES if not any(part in name for part in (*_OF_MODES, *_OF_WINDOWS)))
+"""Those that a satellite without panels and tanks has wherever it flies."""
+
+
+def features_of(scenario: Scenario) -> tuple[str, ...]:
+    """Features that a scenario has: those of modes and of imaging windows where there are any."""
+    absent = [
+        *(_OF_MODES if scenario.appendages is None else ()),
+        *(_OF_WINDOWS if scenario.operations is None else ()),
+    ]
+    return tuple(name for name in FEATURES if not any(part in name for part in absent))
+
+
+def takes_windows(names: Sequence[str]) -> bool:
+    """Whether one of the features takes imaging windows and their targets."""
+    return any(part in name for name in names for part in _OF_WINDOWS)
 
 
 def takes_walk(names: Sequence[str]) -> bool:

@@ -4,7 +4,8 @@ At a corner all three body rates are at their limit, where they tell most of the
 decides how far a mode bends: the parts of their changes along its d add up or cancel. And a tank moves so slowly that
 it does not follow a rate which soon turns back. So those corners are open from which, a decision later, some corner
 can be kept for good with every mode inside its limit (`satid_gym.control.observed_modes`): there is then a way to go
-on. Of these the one with the highest score is taken; where none is open, the one that bends the modes least.
+on. Of these the one with the highest score is taken; where none is open, the one that bends the modes least. Where
+there are imaging windows, it is flown in the gaps between them (`satid_gym.control.gaps`).
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corner_choice import HOLD, Choice
-from satid_gym.control.corner_features import FEATURES, takes_walk
+from satid_gym.control.corner_features import FEATURES, takes_walk, takes_windows
 from satid_gym.control.craft import Craft
+from satid_gym.control.gaps import Gaps
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.policy import Mission
@@ -26,7 +28,8 @@ CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
-_MORE = ("state_uncertainty", "state_correlation", "inertia_walk")  # where they are observed
+_MORE = ("state_uncertainty", "state_correlation", "inertia_walk", "window", "target")  # where they are observed
+_READ = 1.0  # decisions since a star tracker's reading, below which it still reads
 Score = Callable[[np.ndarray], np.ndarray]
 """Scores (N, 8) of corners by their features (N, 8, features)."""
 
@@ -40,6 +43,7 @@ class CornerTour:
         hold: time after which an axis may well reverse again, s.
         share, caution: see `ObservedModes`.
         features: that a score takes, by name.
+        settle: s before an imaging window opens at which the target is to be held, where there are any.
 
     Attributes:
         side: (N, 3) of each axis, -1 or 1.
@@ -57,11 +61,18 @@ class CornerTour:
         share: float = 0.9,
         caution: float = 1.0,
         features: Sequence[str] = (),
+        settle: float = 5.0,
     ) -> None:
         self._hold = check_number("hold", hold, strict=True)
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
+        self._gaps = None if missions[0].scenario.operations is None else Gaps(missions, margin, settle, "a tour")
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
+        if takes_windows(features) and self._world.operations is None:
+            raise ValueError(
+                f"features of imaging windows are chosen and scenario {self._world.name!r} has none: take "
+                '"operations", or a policy for this scenario'
+            )
         if takes_walk(features) and "inertia_walk" not in self._layout:
             raise ValueError(
                 "features of the inertia's walk are chosen but it is not observed: make the environment, or the "
@@ -76,12 +87,17 @@ class CornerTour:
         """Say which mission (N,) each episode of the batch flies; without it all fly the first."""
         self._allowed.assign(rows)
         self._modes.assign(rows)
+        if self._gaps is not None:
+            self._gaps.assign(rows)
         self._craft = self._all_crafts.take(rows)
 
     def begin(self, episodes: int) -> None:
         """Begin that many episodes."""
         self.side = np.ones((episodes, 3))
         self._waited = np.tile(self._hold * _FIRST_WAITS, (episodes, 1))
+        self._turned = np.zeros((episodes, 3))
+        if self._gaps is not None:
+            self._gaps.begin(episodes)
 
     def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
         """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
@@ -90,6 +106,7 @@ class CornerTour:
         modes = self._modes.read(observation)
         peak = self._modes.peaks_of_turns(modes, corners)
         reverses = self.side[:, None] != CORNERS
+        self._turn(observation)
         scores = self._waits(reverses)
         if score is not None:
             choice = Choice(
@@ -99,6 +116,7 @@ class CornerTour:
                 reverses=reverses,
                 waited=self._waited,
                 own=scores,
+                turned=self._turned,
                 modes=modes,
                 foreseen=self._modes,
                 peak=peak,
@@ -109,7 +127,15 @@ class CornerTour:
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
         self.side = CORNERS[best]
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._world.decision_period
-        return corners[episodes, best]
+        action = corners[episodes, best]
+        return action if self._gaps is None else self._gaps(observation, action)
+
+    def _turn(self, observation: np.ndarray) -> None:
+        """Add to what was turned since the star tracker's last reading, where there is one."""
+        if "attitude_age" in self._layout:
+            reads = observation[:, self._layout["attitude_age"]] < _READ
+            rate = observation[:, self._layout["rate"]].astype(float)
+            self._turned = np.where(reads, 0.0, self._turned + self._world.decision_period * rate)
 
     def _waits(self, reverses: np.ndarray) -> np.ndarray:
         """Waits (N, 8) over the hold of the axes (N, 8, 3) that reverse, -1 each that has not waited so long."""

@@ -7,6 +7,7 @@ led along its edge.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ _GAIN = 0.45  # 1/s, of the rate at the end of a slew over what is left
 _CLOSE = 0.7  # of what a window allows, at which a slew is over
 _EDGE_GAIN = 0.25  # 1/s, of the fastest approach to the keep-out over the distance
 _EDGE = np.radians(1.5)  # distance from the keep-out that is kept
+_UNROLL = 8.0  # s before the target is to be held, at which the turn about the boresight ends
 
 
 @dataclass(frozen=True)
@@ -42,18 +44,22 @@ class View:
 
 
 class Pointing:
-    """Guidance of one mission.
+    """Guidance of a batch of episodes.
 
     Args:
-        mission: of a scenario with operations.
+        missions: of a scenario with operations; all with the same layout.
         margin: see `RateMargin`.
         name: of the policy, for messages.
+
+    Attributes:
+        limit: (N,) rate limits, or (1,), rad/s.
 
     Raises:
         ValueError: actions are torques, or no windows are observed.
     """
 
-    def __init__(self, mission: Mission, margin: float, name: str) -> None:
+    def __init__(self, missions: Sequence[Mission], margin: float, name: str) -> None:
+        mission = missions[0]
         if mission.control != "rate":
             raise ValueError(f'{name} commands body rates: make the environment with control="rate"')
         operations = mission.scenario.operations
@@ -62,14 +68,18 @@ class Pointing:
                 f"there are no imaging windows: {name} flies scenarios with operations, such as "
                 f'"operations", and this is {mission.scenario.name!r}'
             )
-        satellite = mission.satellite
-        self.boresight, self.limit = operations.boresight, satellite.rate_limit
-        self.period = mission.scenario.decision_period
-        self._layout, self._allowed = mission.layout, RateMargin([mission], margin)
-        torque = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
-        self._brake = _BRAKING * float((torque / np.diag(mission.prior.inertia)).min())  # rad/s^2
+        self.boresight, self.period = operations.boresight, mission.scenario.decision_period
+        self._layout, self._allowed = mission.layout, RateMargin(missions, margin)
+        self._all_limits = np.array([m.satellite.rate_limit for m in missions])
+        self._all_brakes = np.array([_brake(m) for m in missions])
+        self.limit, self._brake = self._all_limits[:1], self._all_brakes[:1]
         self._close = _CLOSE * min(operations.pointing, operations.steadiness / _GAIN)  # rad
         self._keep = operations.keep_out + _EDGE if operations.keep_out > 0.0 else 0.0
+
+    def assign(self, rows: np.ndarray) -> None:
+        """Say which mission (N,) each episode of the batch flies; without it all fly the first."""
+        self._allowed.assign(rows)
+        self.limit, self._brake = self._all_limits[rows], self._all_brakes[rows]
 
     def view(self, observation: np.ndarray) -> View:
         """What the observations (N, size) say."""
@@ -99,10 +109,23 @@ class Pointing:
         ends = np.log(np.maximum(linear / self._close, 1.0)) / _GAIN
         return begins + np.maximum(coasted, 0.0) / fastest + slowed / brake + ends
 
-    def with_roll(self, view: View, action: np.ndarray, side: np.ndarray | float) -> np.ndarray:
-        """Actions with as much rate about the boresight as the envelope leaves, times side (N,), within [-1, 1]."""
-        room = (view.most - np.abs(action)) / np.maximum(np.abs(self.boresight), 1e-9)
-        return action + (side * np.maximum(room.min(axis=1), 0.0))[:, None] * self.boresight
+    def spare(self, view: View, settle: float | np.ndarray) -> np.ndarray:
+        """s (N,) that are left of the gap at the next decision but for the way to the target.
+
+        `settle` is how long before the opening the target is to be held, s.
+        """
+        return view.opens - self.period - settle - self.duration(view)
+
+    def rolling_slew(self, view: View, settle: float | np.ndarray, side: np.ndarray) -> np.ndarray:
+        """Actions (N, 3) towards the target at the fastest, and about the boresight.
+
+        How the body is turned about the boresight is free: as long as there is time it turns as fast as the envelope
+        leaves, times side (N,), within [-1, 1].
+        """
+        action = self.slew(view, self.fastest(view))
+        room = ((view.most - np.abs(action)) / np.maximum(np.abs(self.boresight), 1e-9)).min(axis=1)
+        roll = np.where(view.opens > settle + _UNROLL, side * np.maximum(room, 0.0), 0.0)
+        return action + roll[:, None] * self.boresight
 
     def clear_of_sun(self, view: View, action: np.ndarray) -> np.ndarray:
         """Actions that do not bring the boresight nearer to the keep-out than it can be led along its edge."""
@@ -133,3 +156,9 @@ class Pointing:
         half = np.arccos(np.clip(np.cos(self._keep) / np.cos(off), -1.0, 1.0))  # of the way within the keep-out
         turned = np.arcsin(np.clip(np.sin(half) / np.sin(self._keep), -1.0, 1.0))
         return np.where(crosses, 2.0 * (turned * np.sin(self._keep) - half) + np.abs(self._keep - np.abs(off)), 0.0)
+
+
+def _brake(mission: Mission) -> float:
+    """rad/s^2, deceleration of a slew."""
+    wheels = mission.satellite.wheels
+    return _BRAKING * float((np.abs(wheels.axes) @ wheels.max_torque / np.diag(mission.prior.inertia)).min())

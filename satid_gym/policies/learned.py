@@ -34,7 +34,7 @@ FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _OWN = (
     *("name", "control", "margin", "include_covariance", "observation", "include_walk"),
-    *("repeat", "spares_modes", "corner_features"),
+    *("repeat", "spares_modes", "corner_features", "settle"),
 )
 _HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 
@@ -55,6 +55,8 @@ class LearnedPolicy:
         spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
         corner_features: for a network that scores corners of the rate envelope: which features of a corner it takes,
             `satid_gym.control.corner_features.FEATURES`; the open corner with the highest score is flown.
+        settle: of such a network, where there are imaging windows: it flies in the gaps between them, and is on the
+            target so many seconds before the opening.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
@@ -77,6 +79,7 @@ class LearnedPolicy:
         repeat: int = 1,
         spares_modes: bool = False,
         corner_features: Sequence[str] = (),
+        settle: float = 5.0,
     ) -> None:
         for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
             if given not in known:
@@ -94,6 +97,7 @@ class LearnedPolicy:
         if control == "rate" and not inputs and shape[1] != 3:
             raise ValueError(f"a network that commands rates has 3 outputs, not {network.weights[-1].shape[0]}")
         check_name(name)
+        self.settle = check_number("settle of a learned policy", settle)
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
         self.include_walk = check_flag("include_walk of a learned policy", include_walk)
         self.spares_modes = check_flag("spares_modes of a learned policy", spares_modes)
@@ -113,7 +117,7 @@ class LearnedPolicy:
             )
         self._layout, self._decisions = mission.layout, 0
         if self.corner_features:
-            self._tour = CornerTour([mission], self.margin, features=self.corner_features)
+            self._tour = CornerTour([mission], self.margin, features=self.corner_features, settle=self.settle)
             self._tour.begin(len(seeds))
             return
         self._network = fitted(self.network, mission.layout)
@@ -188,7 +192,7 @@ class LearnedPolicy:
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
             later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
-            later |= {"spares_modes": False, "corner_features": ()}
+            later |= {"spares_modes": False, "corner_features": (), "settle": 5.0}
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

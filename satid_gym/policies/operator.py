@@ -39,7 +39,7 @@ class OperatorPolicy:
         Raises:
             ValueError: the environment takes torques, or there are no windows.
         """
-        self._pointing = Pointing(mission, self.margin, self.name)
+        self._pointing = Pointing([mission], self.margin, self.name)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3)."""
@@ -52,7 +52,3 @@ class OperatorPolicy:
         guide, fastest = self._pointing, self._pointing.fastest(view)
         share = guide.duration(view) / np.maximum(view.opens - self.settle, 1e-9)
         return guide.slew(view, np.where(view.opens > self.settle, np.minimum(share, 1.0), 1.0) * fastest)
-
-    def _spare(self, view: View) -> np.ndarray:
-        """s (N,) that are left of the gap at the next decision but for the way to the target."""
-        return view.opens - self._pointing.period - self.settle - self._pointing.duration(view)

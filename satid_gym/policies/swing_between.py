@@ -17,8 +17,6 @@ from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.swing_and_stop import NONE_YET, SIDES
 from satid_gym.policy import Mission
 
-_UNROLL = 8.0  # s before that at which the turn about the boresight ends
-
 
 class SwingBetweenPolicy(OperatorPolicy):
     """Excites in the gaps and is on the target when the window opens; for control "rate".
@@ -70,21 +68,20 @@ class SwingBetweenPolicy(OperatorPolicy):
         guide, is_open = self._pointing, view.opens <= 0.0
         self._gap += self._was_open & ~is_open
         self._was_open = is_open
-        swings = self._spare(view) > 0.0
+        swings = guide.spare(view, self.settle) > 0.0
         for i in np.flatnonzero(swings & (self._left <= 0.0)):
             self._begin(int(i), view)
         self._left = np.where(swings, self._left - 1.0, 0.0)
-        slew = guide.slew(view, guide.fastest(view))
-        rolls = (view.opens > self.settle + _UNROLL) & ~swings
-        slew = np.where(rolls[:, None], guide.with_roll(view, slew, self.roll * self._rolls), slew)
+        slew = guide.rolling_slew(view, self.settle, self.roll * self._rolls)
         return np.where(swings[:, None], self.amplitude * self._side * view.most, slew)
 
     def _begin(self, i: int, view: View) -> None:
         """Begin a swing of episode i: about what was turned least."""
-        turn = self._lengths[i] * self._pointing.period * self._pointing.limit * view.most[i] * SIDES
+        guide = self._pointing
+        turn = self._lengths[i] * guide.period * guide.limit[0] * view.most[i] * SIDES
         new = np.einsum("ni,ij,nj->n", turn, np.linalg.inv(self._turned[i]), turn)
         preference = self._preference[i, self._gap[i] % self._preference.shape[1]]
         best = int(np.argmax(np.log(new) + preference))
         self._side[i], self._left[i] = SIDES[best], self._lengths[i]
         self._turned[i] += np.outer(turn[best], turn[best])
-        self._rolls[i] = np.sign(self._side[i] @ self._pointing.boresight) or 1.0
+        self._rolls[i] = np.sign(self._side[i] @ guide.boresight) or 1.0
