@@ -13,7 +13,6 @@ from agents.evolution.judge import Judge, relative_error
 from agents.evolution.settings import Evolution
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
-from satid_gym.control.corner_features import FEATURES
 from satid_gym.control.corners import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.estimators.inertia import inertia_tensors
@@ -179,7 +178,7 @@ def test_a_stopped_evolution_goes_on_to_the_same_policy(tmp_path, capsys):
 def test_what_bends_the_tank_too_far_is_judged_worse():
     judge = Judge(dataclasses.replace(SMALL, episodes=8))
     waits, never = (
-        np.array([sign * (name == own) for name in FEATURES]) for own, sign in (("waited", 1.0), ("any", -1.0))
+        np.array([sign * (name == own) for name in SMALL.features]) for own, sign in (("waited", 1.0), ("any", -1.0))
     )
     assert judge(waits, 0) < judge(-never, 0) - 1.0
     judge.close()

@@ -45,9 +45,9 @@ class Evolution:
     episodes: int = 63
     """Episodes that judge each of them, the same for all of a generation."""
     start: str | None = None
-    """Tour whose weights are the first, by name or path. Default: that of the waits is 1, of what a turn tells `gain`."""
+    """Tour whose weights are the first, by name or path. Default: 1 for the waits, `gain` for what a turn tells."""
     gain: float = 1.0
-    """First weight of what a turn tells, see `start`."""
+    """First weight of what a turn tells, where no tour is given to start from."""
     step: float = 0.15
     """First standard deviation of the weights."""
     price: float = 5.0

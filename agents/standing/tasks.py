@@ -109,7 +109,7 @@ def tasks_of(cell: Cell, episodes: Episodes, learned: Sequence[LearnedPolicy]) -
         ValueError: a rival has no tuned settings; the message says how to find them.
     """
     rows = [_policy(cell, episodes, *trial) for trial in tuned(cell.scenario, cell.satellite).values()]
-    rows += [_learned(cell, episodes, policy) for policy in learned if not misfit(policy, cell)]
+    rows += [_policy(cell, episodes, {}, p, weights=_digest(p)) for p in learned if not misfit(p, cell)]
     if episodes.oracle and cell.scenario in PLANS:
         chosen = seeds(episodes.split, episodes.oracle)
         searched = {"plan": PLANS[cell.scenario].__name__, "effort": effort(cell.scenario)}
@@ -144,10 +144,10 @@ def _where(cell: Cell) -> dict[str, Any]:
     return {"scenario": world.to_dict(), "satellite": satellite.to_dict(), "inertia": cell.inertia}
 
 
-def _learned(cell: Cell, episodes: Episodes, policy: LearnedPolicy) -> Task:
+def _digest(policy: LearnedPolicy) -> str:
+    """Checksum of a policy's weights."""
     tensors = sorted(policy.network.tensors().items())
-    weights = hashlib.sha256(b"".join(tensor.tobytes() for _, tensor in tensors)).hexdigest()
-    return _policy(cell, episodes, {}, policy, weights=weights)
+    return hashlib.sha256(b"".join(tensor.tobytes() for _, tensor in tensors)).hexdigest()
 
 
 def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy, **identity: str) -> Task:
