@@ -19,6 +19,8 @@ from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 
+_REST = -3.0  # first weight of a rest, so that evolution begins with tours that hardly rest
+
 
 @dataclass(frozen=True, kw_only=True)
 class Evolution:
@@ -45,7 +47,8 @@ class Evolution:
     episodes: int = 63
     """Episodes that judge each of them, the same for all of a generation."""
     start: str | None = None
-    """Tour whose weights are the first, by name or path. Default: 1 for the waits, `gain` for what a turn tells."""
+    """Tour whose weights are the first, by name or path. Default: 1 for the waits, `gain` for what a turn tells.
+    A rest begins with -3, all else with 0."""
     gain: float = 1.0
     """First weight of what a turn tells, where no tour is given to start from."""
     step: float = 0.15
@@ -99,10 +102,11 @@ class Evolution:
     @property
     def first(self) -> np.ndarray:
         """(features,) weights to begin with."""
-        weights = {"waited": 1.0, "gain": self.gain}
+        weights = {"waited": 1.0, "gain": self.gain, "rest": _REST}
         if self.start is not None:
             tour = find(self.start)
-            weights = dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
+            weights |= {"waited": 0.0, "gain": 0.0}
+            weights |= dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
         return np.array([weights.get(name, 0.0) for name in self.features])
 
     @property

@@ -21,6 +21,7 @@ import numpy as np
 from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.observed_modes import Modes, ObservedModes
+from satid_gym.control.stars_seen import StarsSeen
 from satid_gym.core.observation import observed_std, state_pairs
 from satid_gym.core.observed_sky import WINDOW_UNIT
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
@@ -28,6 +29,7 @@ from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 HOLD = 7.0  # s
 _SLOWEST = 1e-3  # w T
 EARLY, LATE = 10.0, 30.0  # s
+SHORT = 3.0  # s at the rate limit, a turn that stars tell little of
 
 
 @cache
@@ -64,7 +66,7 @@ class Choice:
         reverses: (N, 8, 3) whether a corner reverses an axis.
         waited: (N, 3) time since each axis reversed, s.
         own: (N, 8) score of the law by waits.
-        turned: (N, 3) rad over the rate limit, s: turned since the last reading of the stars.
+        stars: what the star trackers have seen, where there are any.
         modes: of panels and tanks.
         foreseen: forecasts these.
         peak: (N, 8) of them after one decision at a corner and then the best.
@@ -78,7 +80,7 @@ class Choice:
     reverses: np.ndarray
     waited: np.ndarray
     own: np.ndarray
-    turned: np.ndarray
+    stars: StarsSeen | None
     modes: Modes
     foreseen: ObservedModes
     peak: np.ndarray
@@ -152,9 +154,33 @@ class Choice:
         return np.exp(-np.maximum(left, 0.0) / EARLY)[:, None]
 
     @cached_property
+    def rest(self) -> np.ndarray:
+        """(N, 9) 1 of the rest, 0 of corners."""
+        return (~self.corners.any(axis=2)).astype(float)
+
+    @property
+    def seen_stars(self) -> StarsSeen:
+        """What the star trackers have seen."""
+        assert self.stars is not None
+        return self.stars
+
+    @cached_property
     def onward(self) -> np.ndarray:
         """(N, 8) of a corner along what was turned since the stars were read, which is longer by that."""
-        return (self.corners @ self.turned[:, :, None])[:, :, 0] / LATE
+        return (self.corners @ self.seen_stars.turned[:, :, None])[:, :, 0] / LATE
+
+    @cached_property
+    def told(self) -> np.ndarray:
+        """(N, 1) log of how much what stars tell of the scale would grow by a reading now, mean of the axes."""
+        stars = self.seen_stars
+        return np.log1p(stars.turned**2 / (SHORT**2 + stars.squares)).mean(axis=1)[:, None]
+
+    @cached_property
+    def later_told(self) -> np.ndarray:
+        """(N, 8) by how much that is more after some seconds at a corner."""
+        stars = self.seen_stars
+        turned = stars.turned[:, None] + HOLD * self.corners
+        return np.log1p(turned**2 / (SHORT**2 + stars.squares)[:, None]).mean(axis=2) - self.told
 
     @cached_property
     def towards(self) -> np.ndarray:

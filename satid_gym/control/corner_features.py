@@ -5,6 +5,7 @@ A feature is a product of properties of a `Choice`, where each is said in full.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -71,27 +72,53 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "reversals_closing": lambda c: c.count * c.closing,
     "any_closing": lambda c: c.some * c.closing,
     "gain_closing": lambda c: c.complete_gain * c.closing,
-    "onward": lambda c: c.onward,
-    "onward_early": lambda c: c.onward * c.early,
-    "onward_closing": lambda c: c.onward * c.closing,
-    "onward_uncertainty": lambda c: c.onward * c.uncertainty,
     "towards": lambda c: c.towards,
     "towards_closing": lambda c: c.towards * c.closing,
+    "stars_closing": lambda c: c.later_told * c.closing,
+    "stars": lambda c: c.later_told,
+    "stars_early": lambda c: c.later_told * c.early,
+    "stars_uncertainty": lambda c: c.later_told * c.uncertainty,
+    "stars_onward": lambda c: c.onward,
+    "rest": lambda c: c.rest,
+    "rest_early": lambda c: c.rest * c.early,
+    "rest_late": lambda c: c.rest * c.late,
+    "rest_uncertainty": lambda c: c.rest * c.uncertainty,
+    "rest_unknown": lambda c: c.rest * (1.0 - c.seen_stars.known),
+    "rest_told": lambda c: c.rest * c.told,
+    "rest_begun": lambda c: c.rest * (c.seen_stars.rested > 0.0),
+    "rest_rested": lambda c: c.rest * np.tanh(c.seen_stars.rested / 8.0),
+    "rest_looked": lambda c: c.rest * np.tanh(c.seen_stars.looked / 4.0),
+    "rest_clear": lambda c: c.rest * c.seen_stars.clear,
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
 _OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive")
-_OF_WINDOWS = ("closing", "towards", "onward")
-RIGID = tuple(name for name in FEATURES if not any(part in name for part in (*_OF_MODES, *_OF_WINDOWS)))
-"""Those that a satellite without panels and tanks has wherever it flies."""
+_OF_STARS = ("stars", "rest")
+_OF_WINDOWS = ("closing", "towards")
+
+
+def _without(*parts: str) -> tuple[str, ...]:
+    return tuple(name for name in FEATURES if not any(part in name for part in parts))
+
+
+RIGID = _without(*_OF_MODES, *_OF_STARS, *_OF_WINDOWS)
+"""Those that a satellite without panels, tanks and star tracker has, wherever it flies."""
 
 
 def features_of(scenario: Scenario) -> tuple[str, ...]:
-    """Features that a scenario has: those of modes and of imaging windows where there are any."""
-    absent = [
-        *(_OF_MODES if scenario.appendages is None else ()),
-        *(_OF_WINDOWS if scenario.operations is None else ()),
-    ]
-    return tuple(name for name in FEATURES if not any(part in name for part in absent))
+    """Features that a scenario has: those of modes, of stars and of imaging windows where there are any."""
+    stars = scenario.sensors is not None and scenario.sensors.star_tracker is not None
+    present = {_OF_MODES: scenario.appendages, _OF_STARS: stars or None, _OF_WINDOWS: scenario.operations}
+    return _without(*itertools.chain(*(parts for parts, there in present.items() if there is None)))
+
+
+def takes_rest(names: Sequence[str]) -> bool:
+    """Whether the body may rest as well, by one of the features."""
+    return "rest" in names
+
+
+def takes_stars(names: Sequence[str]) -> bool:
+    """Whether one of the features takes what a star tracker has seen."""
+    return any(part in name for name in names for part in _OF_STARS)
 
 
 def takes_windows(names: Sequence[str]) -> bool:

@@ -17,11 +17,12 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corner_choice import HOLD, Choice
-from satid_gym.control.corner_features import FEATURES, takes_walk, takes_windows
+from satid_gym.control.corner_features import FEATURES, takes_rest, takes_stars, takes_walk, takes_windows
 from satid_gym.control.craft import Craft
 from satid_gym.control.gaps import Gaps
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
+from satid_gym.control.stars_seen import StarLog
 from satid_gym.policy import Mission
 
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -29,13 +30,13 @@ _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
 _MORE = ("state_uncertainty", "state_correlation", "inertia_walk", "window", "target")  # where they are observed
-_READ = 1.0  # decisions since a star tracker's reading, below which it still reads
+_REST = np.zeros((1, 3))
 Score = Callable[[np.ndarray], np.ndarray]
 """Scores (N, 8) of corners by their features (N, 8, features)."""
 
 
 class CornerTour:
-    """Chooses corners and turns them into actions that spare the modes; for environments whose rate loop is their own.
+    """Chooses corners, or rest where a feature tells of it, and turns them into actions that spare the modes; for environments whose rate loop is their own.
 
     Args:
         missions: the satellites that are flown; all with the same layout and decision period.
@@ -68,6 +69,15 @@ class CornerTour:
         self._gaps = None if missions[0].scenario.operations is None else Gaps(missions, margin, settle, "a tour")
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
+        self._choices = np.concatenate([CORNERS, _REST]) if takes_rest(features) else CORNERS
+        self._stars = None
+        if takes_stars(features):
+            if "attitude_age" not in self._layout:
+                raise ValueError(
+                    "features of stars are chosen but no star tracker is observed: take a satellite or scenario with "
+                    'one, such as "calibration", and an estimator that has the attitude'
+                )
+            self._stars = StarLog(missions)
         if takes_windows(features) and self._world.operations is None:
             raise ValueError(
                 f"features of imaging windows are chosen and scenario {self._world.name!r} has none: take "
@@ -95,18 +105,19 @@ class CornerTour:
         """Begin that many episodes."""
         self.side = np.ones((episodes, 3))
         self._waited = np.tile(self._hold * _FIRST_WAITS, (episodes, 1))
-        self._turned = np.zeros((episodes, 3))
+        self._rests = np.zeros(episodes, bool)
+        if self._stars is not None:
+            self._stars.begin(episodes)
         if self._gaps is not None:
             self._gaps.begin(episodes)
 
     def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
         """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
-        corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
-        corners = np.broadcast_to(corners, (len(observation), *CORNERS.shape))
+        corners = self._choices * self._allowed(observation, np.ones(3))[:, None]
+        corners = np.broadcast_to(corners, (len(observation), *self._choices.shape))
         modes = self._modes.read(observation)
         peak = self._modes.peaks_of_turns(modes, corners)
-        reverses = self.side[:, None] != CORNERS
-        self._turn(observation)
+        reverses = np.abs(self.side[:, None] - self._choices) > 1.0  # rest reverses none
         scores = self._waits(reverses)
         if score is not None:
             choice = Choice(
@@ -116,7 +127,7 @@ class CornerTour:
                 reverses=reverses,
                 waited=self._waited,
                 own=scores,
-                turned=self._turned,
+                stars=None if self._stars is None else self._stars(observation, self._rests),
                 modes=modes,
                 foreseen=self._modes,
                 peak=peak,
@@ -125,17 +136,11 @@ class CornerTour:
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
-        self.side = CORNERS[best]
+        self._rests = ~self._choices[best].any(axis=1)
+        self.side = np.where(self._rests[:, None], self.side, self._choices[best])
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._world.decision_period
         action = corners[episodes, best]
         return action if self._gaps is None else self._gaps(observation, action)
-
-    def _turn(self, observation: np.ndarray) -> None:
-        """Add to what was turned since the star tracker's last reading, where there is one."""
-        if "attitude_age" in self._layout:
-            reads = observation[:, self._layout["attitude_age"]] < _READ
-            rate = observation[:, self._layout["rate"]].astype(float)
-            self._turned = np.where(reads, 0.0, self._turned + self._world.decision_period * rate)
 
     def _waits(self, reverses: np.ndarray) -> np.ndarray:
         """Waits (N, 8) over the hold of the axes (N, 8, 3) that reverse, -1 each that has not waited so long."""

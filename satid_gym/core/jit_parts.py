@@ -9,6 +9,7 @@ side). They rest on numba's internals, which is why pyproject.toml caps its vers
 from __future__ import annotations
 
 import functools
+import gc
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,7 @@ from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 
 _LLVM_MIN = 22  # that vectorises straight-line code rightly
+_RARELY = 20_000, 50, 100  # objects, and collections of younger ones, between two collections
 FLAGS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
@@ -132,12 +134,18 @@ class Vectorised(Compiler):
 
     Numba leaves that off, for some versions of LLVM got it wrong (its issue 8705): with LLVM 15 a filter breaks down in
     tests/test_filters.py. So it is on from the version on with which all tests pass.
+
+    Python looks for garbage less often meanwhile: the front end makes millions of objects that live on, and to look
+    through them again and again takes a tenth of the time.
     """
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile it so, whatever numba's setting says for other people's functions."""
         before, config.SLP_VECTORIZE = config.SLP_VECTORIZE, int(llvm_version_info[0] >= _LLVM_MIN)
+        thresholds = gc.get_threshold()
+        gc.set_threshold(*_RARELY)
         try:
             return super().compile_extra(function)
         finally:
             config.SLP_VECTORIZE = before
+            gc.set_threshold(*thresholds)

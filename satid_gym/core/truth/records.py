@@ -28,7 +28,8 @@ def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, de
 
     `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 for other laws.
     `lines`: room for readings on their way, where sensors are timed.
-    `delay`: the longest of a command, in samples.
+    `delay`: the longest of a command, in samples; there is room for 4, 16, 64, ... commands, because the core is
+    compiled for each room.
     """
     return np.dtype(
         [
@@ -98,6 +99,14 @@ def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, de
     )
 
 
+def _room(commands: int) -> int:
+    """The least power of 4, from 4 on, of so many."""
+    room = 4
+    while room < commands:
+        room *= 4
+    return room
+
+
 def _faults(n: int, delay: int) -> list[Field]:
     """What goes wrong in the episode; the rest is void where `faulty` is 0."""
     return [
@@ -112,7 +121,7 @@ def _faults(n: int, delay: int) -> list[Field]:
         ("wheel_loss_start", FLOAT),  # s
         ("wheel_loss_left", FLOAT),  # part of the motor torque that the weak wheel still gives
         ("torque_delay", INT),  # samples
-        ("torque_waiting", FLOAT, (delay + 1, n)),  # commands, that which is obeyed next first
+        ("torque_waiting", FLOAT, (_room(delay + 1), n)),  # commands, that which is obeyed next first
         ("torque_obeyed", FLOAT, n),  # command that the motors follow
         ("gyro_flagged", INT),  # 1: the gyro says that its reading is repeated
         ("spiked", INT),  # 1: the reading is an outlier
