@@ -1,19 +1,9 @@
-"""Situation in which a corner of the rate envelope is chosen: what turns there tell, the modes and the wheels.
-
-What a turn to a corner tells of the inertia is weighed by the covariance of its parameters as observed. The change v of
-the rate is measured about each axis with variance R, in units of the rate limit squared, and depends on theta by H:
-
-    gain = 1/6 ln det(1 + H P H^T / R),  H[i, ij] = v_j sqrt(J_jj / J_ii),  R = T_s sigma^2 (1 / t + 1 / 7 s)
-
-in nats an axis, with P in units of theta's scale and sigma the noise of the gyro's samples, T_s apart, averaged over
-the t seconds since the last reversal and some seconds after this one. Source: Chaloner and Verdinelli 1995, Bayesian
-experimental design: a review, Statistical Science 10, for the expected gain of a linear measurement.
-"""
+"""Situation in which a corner of the rate envelope is chosen: the inertia, the modes, the wheels, stars and windows."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,22 +12,12 @@ from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.control.stars_seen import StarsSeen
-from satid_gym.core.observation import observed_std, state_pairs
+from satid_gym.control.turn_gain import HOLD, TurnGain
 from satid_gym.core.observed_sky import WINDOW_UNIT
-from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 
-HOLD = 7.0  # s
 _SLOWEST = 1e-3  # w T
 EARLY, LATE = 10.0, 30.0  # s
 SHORT = 3.0  # s at the rate limit, a turn that stars tell little of
-
-
-@cache
-def _correlations_of_theta(p: int, others: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where `state_correlation` has those of the inertia parameters, and which two parameters each is of."""
-    found = [(i, r - 3, c - 3) for i, (r, c) in enumerate(state_pairs(p, others)) if r >= 3 and c < 3 + p]
-    places, rows, columns = np.array(found).T
-    return places, rows, columns
 
 
 class NearestMode(NamedTuple):
@@ -220,44 +200,17 @@ class Choice:
         """(N, 8) peak after three decisions at the corner and then the best, at most 2."""
         return np.minimum(self.foreseen.peaks_of_turns(self.modes, self.corners, 3), 2.0)
 
-    @cached_property
-    def _sensitivity(self) -> np.ndarray:
-        """(N, 3, 3 p) [j, (i, k)]: of the rate's change about axis i by that about j times theta_k, over sqrt(R)."""
-        moments = inertia_parameters(self.craft.inertia, "principal")
-        noise = self.craft.noise * (1.0 / self.waited.min(axis=1) + 1.0 / HOLD)
-        size = np.sqrt(moments[:, None] / moments[:, :, None] / noise[:, None, None])
-        p = self.seen["uncertainty"].shape[1]
-        by = np.zeros((len(size), 3, 3, p))
-        for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), *PRODUCTS][:p]):
-            by[:, j, i, k], by[:, i, j, k] = size[:, i, j], size[:, j, i]
-        return by.reshape(len(size), 3, 3 * p)
-
-    @cached_property
-    def _covariance(self) -> np.ndarray:
-        """(N, p, p) of theta over its scale; without the whole covariance among what is seen, as if not correlated."""
-        std = observed_std(self.seen["uncertainty"])
-        count, p = std.shape
-        correlation = np.tile(np.eye(p), (count, 1, 1))
-        if "state_correlation" in self.seen:
-            others = self.seen["state_uncertainty"].shape[1]
-            places, rows, columns = _correlations_of_theta(p, others)
-            value = self.seen["state_correlation"][:, places]
-            correlation[:, rows, columns] = correlation[:, columns, rows] = value
-        return correlation * std[:, :, None] * std[:, None]
-
     def gain(self, decisions: float = np.inf) -> np.ndarray:
         """(N, 8) nats an axis that a turn to a corner tells in some decisions, or when it is complete."""
         turn = self.turn
         if np.isfinite(decisions):
             most = decisions * self.seen["control_authority"][:, None]
             turn = np.clip(turn, -most, most)
-        count, p = self.seen["uncertainty"].shape
-        told = (turn @ self._sensitivity).reshape(count, -1, 3, p)
-        spread = told @ self._covariance[:, None] @ told.swapaxes(2, 3)
-        a, b, c, d, e, f = (spread[:, :, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
-        a, b, c = 1.0 + a, 1.0 + b, 1.0 + c
-        det = a * (b * c - f * f) - d * (d * c - e * f) + e * (d * f - b * e)
-        return np.log(np.maximum(det, 1.0)) / 6.0  # rounding of what is observed may make it less than 1
+        return self._gain(turn)
+
+    @cached_property
+    def _gain(self) -> TurnGain:
+        return TurnGain(self.seen, self.craft, self.waited.min(axis=1))
 
     @cached_property
     def complete_gain(self) -> np.ndarray:

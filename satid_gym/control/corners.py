@@ -36,7 +36,9 @@ Score = Callable[[np.ndarray], np.ndarray]
 
 
 class CornerTour:
-    """Chooses corners, or rest where a feature tells of it, and turns them into actions that spare the modes; for environments whose rate loop is their own.
+    """Chooses corners, or rest where a feature tells of it, and turns them into actions that spare the modes.
+
+    For environments whose rate loop is their own.
 
     Args:
         missions: the satellites that are flown; all with the same layout and decision period.
