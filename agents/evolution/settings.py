@@ -57,7 +57,7 @@ class Evolution:
     """Log of the error that each share of an episode beyond a limit costs, beyond the first 0.5 %."""
     margin: float = 3.5
     """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
-    settle: float = 5.0
+    settle: float = 4.0
     """s before an imaging window opens at which the target is to be held."""
     seed: int = 0
     """Seed of the evolution."""

@@ -64,7 +64,7 @@ class CornerTour:
         share: float = 0.9,
         caution: float = 1.0,
         features: Sequence[str] = (),
-        settle: float = 5.0,
+        settle: float = 4.0,
     ) -> None:
         self._hold = check_number("hold", hold, strict=True)
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)

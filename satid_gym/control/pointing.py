@@ -21,7 +21,7 @@ _GAIN = 0.45  # 1/s, of the rate at the end of a slew over what is left
 _CLOSE = 0.7  # of what a window allows, at which a slew is over
 _EDGE_GAIN = 0.25  # 1/s, of the fastest approach to the keep-out over the distance
 _EDGE = np.radians(1.5)  # distance from the keep-out that is kept
-_UNROLL = 11.0  # s before the target is to be held, at which the turn about the boresight ends
+_UNROLL = 8.0  # s before the target is to be held, at which the turn about the boresight ends
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,14 @@ class Pointing:
         rate = np.minimum(np.sqrt(2.0 * self._brake * view.angle), _GAIN * view.angle)
         return (np.minimum(rate, fastest) / self.limit)[:, None] * view.axis
 
-    def duration(self, view: View) -> np.ndarray:
-        """s (N,) until the target is held, at the fastest, round the Sun where it is in the way."""
+    def duration(self, view: View, rolls: bool = False) -> np.ndarray:
+        """s (N,) until the target is held, at the fastest, round the Sun where it is in the way.
+
+        A body that `rolls` about the boresight turns its axes to the way, so that it may be no faster than about one.
+        """
         fastest, brake = self.fastest(view), self._brake
+        if rolls:
+            fastest = np.minimum(fastest, self.limit * view.most.min(axis=1))
         linear = np.minimum(np.minimum(view.angle, fastest / _GAIN), 2.0 * brake / _GAIN**2)  # rad, at the end
         slowed = np.maximum(fastest - _GAIN * linear, 0.0)
         coasted = view.angle + self._detour(view) - linear - slowed * (fastest + _GAIN * linear) / (2.0 * brake)
@@ -109,12 +114,12 @@ class Pointing:
         ends = np.log(np.maximum(linear / self._close, 1.0)) / _GAIN
         return begins + np.maximum(coasted, 0.0) / fastest + slowed / brake + ends
 
-    def spare(self, view: View, settle: float | np.ndarray) -> np.ndarray:
-        """s (N,) that are left of the gap at the next decision but for the way to the target.
+    def spare(self, view: View, settle: float | np.ndarray, rolls: bool = True) -> np.ndarray:
+        """s (N,) that are left of the gap at the next decision but for the way to the target, see `duration`.
 
         `settle` is how long before the opening the target is to be held, s.
         """
-        return view.opens - self.period - settle - self.duration(view)
+        return view.opens - self.period - settle - self.duration(view, rolls)
 
     def rolling_slew(self, view: View, settle: float | np.ndarray, side: np.ndarray) -> np.ndarray:
         """Actions (N, 3) towards the target at the fastest, and about the boresight.

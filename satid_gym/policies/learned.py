@@ -79,7 +79,7 @@ class LearnedPolicy:
         repeat: int = 1,
         spares_modes: bool = False,
         corner_features: Sequence[str] = (),
-        settle: float = 5.0,
+        settle: float = 4.0,
     ) -> None:
         for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
             if given not in known:
@@ -192,7 +192,7 @@ class LearnedPolicy:
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
             later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
-            later |= {"spares_modes": False, "corner_features": (), "settle": 5.0}
+            later |= {"spares_modes": False, "corner_features": (), "settle": 4.0}
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
