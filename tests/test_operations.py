@@ -338,7 +338,7 @@ def test_a_policy_in_the_gaps_flies_as_it_would_alone():
     observation[0, own.layout["sun"]] = -BORESIGHT
     for _ in range(20):
         np.testing.assert_array_equal(gaps(observation), alone(observation))
-    observation[0, own.layout["window"]] = [0.2, 0.7]
+    observation[0, own.layout["window"]] = [0.15, 0.65]
     action = gaps(observation)[0]
     assert action[0] > 0.1
     assert not action[1:].any()
