@@ -123,7 +123,7 @@ def test_a_scenario_has_the_features_that_it_has_something_for():
     assert takes_rest(sorted(calibration))
     assert not takes_rest(sorted(slosh))
     assert {"towards", "any_closing", "stars_closing"} == {
-        name for name in operations - calibration if "closing" not in name or "rev" not in name and "gain" not in name
+        name for name in operations - calibration if "closing" not in name or ("rev" not in name and "gain" not in name)
     } - {"towards_closing"}
     assert slosh | operations == set(FEATURES)
 

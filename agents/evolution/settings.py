@@ -19,8 +19,6 @@ from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 
-_REST = -3.0  # first weight of a rest, so that evolution begins with tours that hardly rest
-
 
 @dataclass(frozen=True, kw_only=True)
 class Evolution:
@@ -47,8 +45,7 @@ class Evolution:
     episodes: int = 63
     """Episodes that judge each of them, the same for all of a generation."""
     start: str | None = None
-    """Tour whose weights are the first, by name or path. Default: 1 for the waits, `gain` for what a turn tells.
-    A rest begins with -3, all else with 0."""
+    """Tour whose weights are the first, by name or path. Default: 1 for the waits, `gain` for what a turn tells."""
     gain: float = 1.0
     """First weight of what a turn tells, where no tour is given to start from."""
     step: float = 0.15
@@ -102,7 +99,7 @@ class Evolution:
     @property
     def first(self) -> np.ndarray:
         """(features,) weights to begin with."""
-        weights = {"waited": 1.0, "gain": self.gain, "rest": _REST}
+        weights = {"waited": 1.0, "gain": self.gain}
         if self.start is not None:
             tour = find(self.start)
             weights |= {"waited": 0.0, "gain": 0.0}

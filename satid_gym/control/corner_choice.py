@@ -133,11 +133,6 @@ class Choice:
         left = WINDOW_UNIT * self.seen["window"][:, 0] - way
         return np.exp(-np.maximum(left, 0.0) / EARLY)[:, None]
 
-    @cached_property
-    def rest(self) -> np.ndarray:
-        """(N, 9) 1 of the rest, 0 of corners."""
-        return (~self.corners.any(axis=2)).astype(float)
-
     @property
     def seen_stars(self) -> StarsSeen:
         """What the star trackers have seen."""

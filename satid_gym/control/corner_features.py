@@ -79,20 +79,10 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "stars_early": lambda c: c.later_told * c.early,
     "stars_uncertainty": lambda c: c.later_told * c.uncertainty,
     "stars_onward": lambda c: c.onward,
-    "rest": lambda c: c.rest,
-    "rest_early": lambda c: c.rest * c.early,
-    "rest_late": lambda c: c.rest * c.late,
-    "rest_uncertainty": lambda c: c.rest * c.uncertainty,
-    "rest_unknown": lambda c: c.rest * (1.0 - c.seen_stars.known),
-    "rest_told": lambda c: c.rest * c.told,
-    "rest_begun": lambda c: c.rest * (c.seen_stars.rested > 0.0),
-    "rest_rested": lambda c: c.rest * np.tanh(c.seen_stars.rested / 8.0),
-    "rest_looked": lambda c: c.rest * np.tanh(c.seen_stars.looked / 4.0),
-    "rest_clear": lambda c: c.rest * c.seen_stars.clear,
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
 _OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive")
-_OF_STARS = ("stars", "rest")
+_OF_STARS = ("stars",)
 _OF_WINDOWS = ("closing", "towards")
 
 
@@ -109,11 +99,6 @@ def features_of(scenario: Scenario) -> tuple[str, ...]:
     stars = scenario.sensors is not None and scenario.sensors.star_tracker is not None
     present = {_OF_MODES: scenario.appendages, _OF_STARS: stars or None, _OF_WINDOWS: scenario.operations}
     return _without(*itertools.chain(*(parts for parts, there in present.items() if there is None)))
-
-
-def takes_rest(names: Sequence[str]) -> bool:
-    """Whether the body may rest as well, by one of the features."""
-    return "rest" in names
 
 
 def takes_stars(names: Sequence[str]) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corner_choice import HOLD, Choice
-from satid_gym.control.corner_features import FEATURES, takes_rest, takes_stars, takes_walk, takes_windows
+from satid_gym.control.corner_features import FEATURES, takes_stars, takes_walk, takes_windows
 from satid_gym.control.craft import Craft
 from satid_gym.control.gaps import Gaps
 from satid_gym.control.observed_modes import ObservedModes
@@ -30,15 +30,12 @@ _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
 _MORE = ("state_uncertainty", "state_correlation", "inertia_walk", "window", "target")  # where they are observed
-_REST = np.zeros((1, 3))
 Score = Callable[[np.ndarray], np.ndarray]
 """Scores (N, 8) of corners by their features (N, 8, features)."""
 
 
 class CornerTour:
-    """Chooses corners, or rest where a feature tells of it, and turns them into actions that spare the modes.
-
-    For environments whose rate loop is their own.
+    """Chooses corners and turns them into actions that spare the modes; for environments whose rate loop is their own.
 
     Args:
         missions: the satellites that are flown; all with the same layout and decision period.
@@ -71,7 +68,6 @@ class CornerTour:
         self._gaps = None if missions[0].scenario.operations is None else Gaps(missions, margin, settle, "a tour")
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
-        self._choices = np.concatenate([CORNERS, _REST]) if takes_rest(features) else CORNERS
         self._stars = None
         if takes_stars(features):
             if "attitude_age" not in self._layout:
@@ -107,7 +103,6 @@ class CornerTour:
         """Begin that many episodes."""
         self.side = np.ones((episodes, 3))
         self._waited = np.tile(self._hold * _FIRST_WAITS, (episodes, 1))
-        self._rests = np.zeros(episodes, bool)
         if self._stars is not None:
             self._stars.begin(episodes)
         if self._gaps is not None:
@@ -115,11 +110,11 @@ class CornerTour:
 
     def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
         """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
-        corners = self._choices * self._allowed(observation, np.ones(3))[:, None]
-        corners = np.broadcast_to(corners, (len(observation), *self._choices.shape))
+        corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
+        corners = np.broadcast_to(corners, (len(observation), *CORNERS.shape))
         modes = self._modes.read(observation)
         peak = self._modes.peaks_of_turns(modes, corners)
-        reverses = np.abs(self.side[:, None] - self._choices) > 1.0  # rest reverses none
+        reverses = self.side[:, None] != CORNERS
         scores = self._waits(reverses)
         if score is not None:
             choice = Choice(
@@ -129,7 +124,7 @@ class CornerTour:
                 reverses=reverses,
                 waited=self._waited,
                 own=scores,
-                stars=None if self._stars is None else self._stars(observation, self._rests),
+                stars=None if self._stars is None else self._stars(observation),
                 modes=modes,
                 foreseen=self._modes,
                 peak=peak,
@@ -138,8 +133,7 @@ class CornerTour:
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
-        self._rests = ~self._choices[best].any(axis=1)
-        self.side = np.where(self._rests[:, None], self.side, self._choices[best])
+        self.side = CORNERS[best]
         self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._world.decision_period
         action = corners[episodes, best]
         return action if self._gaps is None else self._gaps(observation, action)

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.config import check_number
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.control.stars_seen import exclusions
 from satid_gym.policy import Kind, Mission
+from satid_gym.star_tracker import earth_angle
 
 SIDES = np.array([[x, y, z] for x in (1.0, -1.0) for y in (1.0, -1.0) for z in (1.0, -1.0)])
 """(8, 3) rates to swing with, over their amplitudes."""
@@ -79,7 +79,11 @@ class SwingAndStopPolicy:
         assert tracker is not None
         self._allowed, self._layout = RateMargin([mission], self.margin), mission.layout
         self._boresight, period = tracker.boresight, world.decision_period
-        self._exclusions = exclusions(tracker, world.orbit_rate)
+        self._exclusions = {}
+        if tracker.sun_exclusion is not None:
+            self._exclusions["sun"] = tracker.sun_exclusion
+        if tracker.earth_exclusion is not None:
+            self._exclusions["earth"] = earth_angle(world.orbit_rate) + tracker.earth_exclusion
         self._read_age = max(tracker.period, world.sample_period) / period + _SAME  # observed after a reading
         self._patience = (_SETTLED / world.tracking_bandwidth + tracker.reacquire) / period + self.look
         lengths = np.outer(np.broadcast_to(self.swing / period, n), _LENGTHS)
