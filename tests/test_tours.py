@@ -1,4 +1,4 @@
-"""Tours of corners where there is more than a body: gaps between imaging windows, and stars that a rest lets be seen."""
+"""Tours of corners between imaging windows, and by what a star tracker has seen."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from baselines.scenarios.flights import Cell, flown
-from satid_gym import SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv
-from satid_gym.control.corner_features import FEATURES, RIGID, features_of, takes_rest
+from satid_gym import SCENARIOS, SatInertiaIDVectorEnv
+from satid_gym.control.corner_features import FEATURES, RIGID, features_of
 from satid_gym.control.corners import CORNERS, CornerTour
 from satid_gym.control.gaps import Gaps
 from satid_gym.control.stars_seen import StarLog
@@ -17,11 +17,9 @@ from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
 from satid_gym.policy import Mission, missions
 from satid_gym.problem import problem
-from satid_gym.star_tracker import earth_angle
 from tests.cases import cases
 
 SETTINGS = {"control": "rate", "observation": "body"}
-TRACKER = SCENARIOS["calibration"].sensors.star_tracker
 
 
 def mission(scenario="operations", satellite="microsat") -> Mission:
@@ -117,15 +115,12 @@ def test_the_nearer_the_slew_the_more_is_closing_and_a_corner_is_towards_the_tar
 
 
 def test_a_scenario_has_the_features_that_it_has_something_for():
+    slosh, calibration, operations = (features_of(SCENARIOS[n]) for n in ("slosh", "calibration", "operations"))
     assert features_of(SCENARIOS["default"]) == RIGID
-    slosh, calibration, operations = (set(features_of(SCENARIOS[n])) for n in ("slosh", "calibration", "operations"))
-    assert slosh - set(RIGID) == {name for name in FEATURES if "mode" in name or name in slosh} - set(RIGID)
-    assert takes_rest(sorted(calibration))
-    assert not takes_rest(sorted(slosh))
-    assert {"towards", "any_closing", "stars_closing"} == {
-        name for name in operations - calibration if "closing" not in name or ("rev" not in name and "gain" not in name)
-    } - {"towards_closing"}
-    assert slosh | operations == set(FEATURES)
+    assert {"peak", "drive_speed"} <= set(slosh) - set(RIGID)
+    assert {"stars", "stars_onward"} <= set(calibration) - set(RIGID) - set(slosh)
+    assert {"towards", "any_closing", "stars_closing"} <= set(operations) - set(calibration)
+    assert set(slosh) | set(operations) == set(FEATURES)
 
 
 # stars
@@ -135,63 +130,42 @@ def test_turns_are_summed_between_readings_and_told_by_the_next():
     own = mission("calibration")
     log = StarLog([own])
     log.begin(1)
-    decisions, still = own.scenario.decisions, np.zeros(1, bool)
 
-    def after(decision, age, rate=(0.0, 0.0, 0.0), rests=still):
-        left = 1.0 - decision / decisions
-        return log(observed(own, time_left=left, attitude_age=age, rate=rate), rests)
+    def after(age, rate=(0.0, 0.0, 0.0), left=0.5):
+        return log(observed(own, time_left=left, attitude_age=age, rate=rate))
 
-    never = after(3, 3.0, rate=(1.0, 0.0, 0.0))  # as old as the flight: no reading yet
-    assert not never.known.any()
-    assert not never.turned.any()
-    first = after(4, 0.4)
-    assert first.known.all()
-    assert not first.squares.any()
-    for decision in (5, 6):
-        swung = after(decision, decision - 4.0 + 0.4, rate=(0.5, -1.0, 0.0))
+    for never in (after(0.0, rate=(1.0, 0.0, 0.0), left=1.0), after(1.0, rate=(1.0, 0.0, 0.0))):
+        assert not never.turned.any()
+    assert not after(0.4).squares.any()  # of what was turned before the first reading it does not tell
+    for age in (1.4, 2.4):
+        swung = after(age, rate=(0.5, -1.0, 0.0))
     np.testing.assert_allclose(swung.turned, [[1.0, -2.0, 0.0]])
     assert not swung.squares.any()
-    told = after(7, 0.4, rests=~still)
+    told = after(0.4)
     np.testing.assert_allclose(told.squares, [[1.0, 4.0, 0.0]])
     assert not told.turned.any()
-    assert told.rested == told.looked == 1.0
-    waits = after(8, 1.4, rests=~still)
-    assert (waits.rested, waits.looked) == (2.0, 1.0)
-    moves = after(9, 2.4)
-    assert moves.rested == moves.looked == 0.0
 
 
-@cases(("name", "angle"), [("sun", TRACKER.sun_exclusion), ("earth", None)])
-def test_clear_is_the_angle_to_what_blinds_the_tracker(name, angle):
+def test_stars_tell_more_after_a_corner_about_axes_that_were_turned_least():
+    """By the log of what they would tell, s and s^2 by hand: 7 s at a corner, and 3 s that tell little."""
     own = mission("calibration")
-    angle = angle or earth_angle(own.scenario.orbit_rate) + TRACKER.earth_exclusion
-    log, across = StarLog([own]), np.cross(TRACKER.boresight, [0.0, 1.0, 0.0])
-    for away in (angle - 0.2, angle + 0.3, angle + 1.5):
-        towards = np.cos(away) * TRACKER.boresight + np.sin(away) * across
-        log.begin(1)
-        clear = log(observed(own, attitude_age=0.2, **{name: towards}), np.zeros(1, bool)).clear
-        np.testing.assert_allclose(clear, min(away - angle, 0.5), atol=1e-12)
-
-
-def test_a_rest_is_a_choice_where_a_score_asks_for_it():
-    """It rests from the first decision with one weight, never with the other, and a rest reverses no axis."""
-    for weight, rests in ((50.0, True), (-50.0, False)):
-        env = SatInertiaIDEnv("microsat", "static", "calibration", **SETTINGS)
-        policy = toured(waited=1.0, rest=weight)
-        policy.reset(missions(env.problem)[0], [0])
-        observation, _ = env.reset(seed=0)
-        for _ in range(30):
-            action = policy(observation[None])[0]
-            assert (np.abs(action).max() == 0.0) == rests
-            observation, *_ = env.step(action.astype(np.float32))
-        assert (np.abs(policy._tour.side) == 1.0).all()
-        env.close()
+    tour = CornerTour([own], 0.0, features=("stars", "stars_onward"))
+    tour.begin(1)
+    tour._stars._known[:] = True
+    tour._stars._turned[:], tour._stars._squares[:] = [[6.0, 0.0, 0.0]], [[0.0, 100.0, 0.0]]
+    seen = []
+    tour(observed(own, attitude_age=5.0), lambda features: seen.append(features) or features[:, :, 0])
+    (stars, onward), known = seen[0][0].T, np.array([9.0, 109.0, 9.0])
+    turned = np.array([6.0, 0.0, 0.0]) + 7.0 * CORNERS
+    expected = (np.log1p(turned**2 / known) - np.log1p([4.0, 0.0, 0.0])).mean(axis=1)
+    np.testing.assert_allclose(stars, expected, rtol=1e-9)
+    np.testing.assert_allclose(onward, 6.0 * CORNERS[:, 0] / 30.0, rtol=1e-9)
 
 
 @cases(
     ("feature", "scenario", "message"),
     [
-        ("rest", "default", "no star tracker is observed"),
+        ("stars", "default", "no star tracker is observed"),
         ("towards", "calibration", "scenario 'calibration' has none"),
     ],
 )
