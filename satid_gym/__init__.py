@@ -14,8 +14,9 @@ from satid_gym.manoeuvres import Design, KeepOut, design
 from satid_gym.onboard import Pilot
 from satid_gym.operations import Operations
 from satid_gym.oscillators import Panel, SloshMass
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.reward import RewardSettings
-from satid_gym.satellite import SATELLITES, ReactionWheels, Satellite
+from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.sensors import Sensors

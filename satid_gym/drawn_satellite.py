@@ -13,7 +13,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from satid_gym.config import Config, check_integer, check_number, real_array
-from satid_gym.satellite import ReactionWheels, Satellite
+from satid_gym.reaction_wheels import ReactionWheels
+from satid_gym.satellite import Satellite
 
 Range = tuple[float, float]
 _WHEELS_MIN, _WHEELS_MAX = 3, 8

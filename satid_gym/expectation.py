@@ -22,7 +22,7 @@ def agitation(satellite: Satellite, scenario: Scenario) -> float:
 def nutation(satellite: Satellite, scenario: Scenario) -> float:
     """Angle by which body and momentum turn against each other in a sample, with the momentum of the start, rad."""
     wheels = satellite.wheels
-    stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed) * scenario.wheel_speed_range
+    stored = wheels.momentum_reach * scenario.wheel_speed_range
     moments = np.linalg.eigvalsh(satellite.inertia)
     body = moments[-1] * scenario.initial_rate_std * satellite.rate_limit
     return float(np.hypot(np.linalg.norm(stored), body) * scenario.sample_period / moments[0])

@@ -15,7 +15,8 @@ from types import MappingProxyType
 import numpy as np
 
 from satid_gym.config import unknown_name
-from satid_gym.satellite import ReactionWheels, Satellite
+from satid_gym.reaction_wheels import ReactionWheels
+from satid_gym.satellite import Satellite
 
 Profile = Callable[..., np.ndarray]
 

@@ -132,7 +132,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["termination_deflection"] = scenario.deflection_factor * task["deflection_limit"]
     full = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
     task["control_authority"] = full * scenario.decision_period / np.diag(prior) / satellite.rate_limit
-    stored = np.abs(satellite.wheels.axes) @ (satellite.wheels.inertia * satellite.wheels.max_speed)
+    stored = satellite.wheels.momentum_reach
     task["momentum_fraction"] = np.diag(prior) * satellite.rate_limit / stored
     task["criterion"], task["net"] = Criterion[reward.criterion.upper()], reward.net
     for name in NUMBERS:

@@ -25,7 +25,7 @@ def write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.nda
     row["slope"] = p.scenario.reference_slope * wheels.max_torque.min() / np.linalg.eigvalsh(satellite.inertia)[-1]
     row["allocation"], row["rotor_inertia"] = np.linalg.pinv(wheels.axes), wheels.rotor_inertia
     noise = _NOISE_MARGIN * p.scenario.tracking_noise * wheels.max_torque
-    row["spin_max"] = np.maximum(wheels.inertia * wheels.max_speed - noise, 0.0)
+    row["spin_max"] = np.maximum(wheels.max_momentum - noise, 0.0)
     late, sensors = 2.0 * p.scenario.command_lateness, satellite.sensors
     row["motors"]["settled"] = _SETTLED * p.scenario.sample_period + late
     row["motors"]["prompt"] = (_PROMPT + sensors.counts + sensors.tachometer_delay) * p.scenario.sample_period + late
@@ -44,7 +44,7 @@ def _write_null_motion(row: np.void, satellite: Satellite, prior: np.ndarray) ->
         row["avoided"] = wheels.inertia[:, None] * wheels.avoided_speed
         row["swing"] = np.abs(np.linalg.pinv(wheels.axes) @ prior).sum(axis=1) * satellite.rate_limit
         row["reserve"] = _RESERVE * row["swing"].max()
-        row["most"] = (wheels.inertia * wheels.max_speed).max()
+        row["most"] = wheels.max_momentum.max()
 
 
 def _acceleration_noise(satellite: Satellite, scenario: Scenario) -> np.ndarray:

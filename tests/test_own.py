@@ -44,7 +44,7 @@ max_speed = 600.0
 FUEL = "time,factor\n0,1\n10,0.95\n10.5,1.05\n"
 CRAFTS = """
 from satid_gym import InertiaLaw, Satellite, Scenario
-from satid_gym.satellite import ReactionWheels
+from satid_gym.reaction_wheels import ReactionWheels
 
 WHEELS = ReactionWheels(inertia=5e-4, max_torque=0.03, max_speed=600.0)
 TILTED = Satellite("tilted", [[2.0, 0.2, 0.0], [0.2, 2.4, 0.0], [0.0, 0.0, 1.8]], WHEELS)

@@ -5,7 +5,8 @@ import pytest
 import scipy.signal
 
 from satid_gym.profiles import PAPER_AMPLITUDES, PROFILES, paper_torque, prbs, wheel_torque
-from satid_gym.satellite import SATELLITES, ReactionWheels
+from satid_gym.reaction_wheels import ReactionWheels
+from satid_gym.satellite import SATELLITES
 from tests.cases import cases
 
 SECONDS = np.arange(0.0, 300.0, 0.25)

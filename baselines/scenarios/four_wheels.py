@@ -33,7 +33,8 @@ from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
-from satid_gym.satellite import SATELLITES, ReactionWheels, Satellite
+from satid_gym.reaction_wheels import ReactionWheels
+from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.vector import SatInertiaIDVectorEnv

@@ -14,7 +14,8 @@ from satid_gym.oscillators import SloshMass
 from satid_gym.policies.rate_square import untuned_rate_square
 from satid_gym.policies.registry import NotPreparedError, build, make_baseline
 from satid_gym.policy import Policy
-from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, ReactionWheels, Satellite
+from satid_gym.reaction_wheels import ReactionWheels
+from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker

@@ -71,7 +71,7 @@ def rate_cap(motion: TrueMotion, satellite: Satellite, dt: float) -> np.ndarray:
     time = dt * np.arange(motion.momentum.shape[1])[None, :, None]
     torque = np.linalg.norm(motion.torque, axis=2).max(axis=1)[:, None, None]
     momentum = np.linalg.norm(motion.momentum[:, 0], axis=1)[:, None, None] + time * torque
-    stored = momentum + np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)
+    stored = momentum + wheels.momentum_reach
     by_storage = _times(np.abs(np.linalg.inv(motion.inertia)), stored)
     J_free = motion.inertia - wheels.rotor_inertia
     start = np.abs(_times(J_free[:, 0], motion.rate[:, 0]))[:, None]

@@ -32,8 +32,7 @@ class Craft(NamedTuple):
         for mission in missions:
             satellite, wheels = mission.satellite, mission.satellite.wheels
             noise = mission.scenario.sample_period * (satellite.gyro_noise_std / satellite.rate_limit) ** 2
-            stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)
-            rows.append((mission.prior.inertia, stored, satellite.rate_limit, noise))
+            rows.append((mission.prior.inertia, wheels.momentum_reach, satellite.rate_limit, noise))
         return cls(*(np.array(part) for part in zip(*rows, strict=True)))
 
     def take(self, rows: np.ndarray) -> Craft:

@@ -59,7 +59,7 @@ class PlantConstants(NamedTuple):
             gyro_noise_std=np.array([[s.gyro_noise_std] for s in satellites]),
             wheel_inertia=np.array([w.inertia for w in wheels]),
             max_torque=np.array([w.max_torque for w in wheels]),
-            max_spin=np.array([w.inertia * w.max_speed for w in wheels]),
+            max_spin=np.array([w.max_momentum for w in wheels]),
             impulse_std=np.array([k * w.max_torque for k, w in zip(impulse, wheels, strict=True)]),
             axes=np.array([w.axes for w in wheels]),
             allocation=np.array([np.linalg.pinv(w.axes) for w in wheels]),

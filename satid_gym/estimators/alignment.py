@@ -10,7 +10,7 @@ import numpy as np
 from satid_gym.core.sampling import DELAY_SIGMAS, taps
 from satid_gym.estimators.prior import FilterPrior, counting_std
 from satid_gym.modes import Mode
-from satid_gym.satellite import ReactionWheels
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.sensors import Sensors
 from satid_gym.tolerances import Tolerances
 

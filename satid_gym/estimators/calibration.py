@@ -7,7 +7,7 @@ import scipy.linalg
 
 from satid_gym.estimators.alignment import noise_covariance, noise_taps
 from satid_gym.estimators.prior import FilterPrior
-from satid_gym.satellite import ReactionWheels
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.tolerances import Tolerances
 
 

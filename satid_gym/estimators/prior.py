@@ -10,8 +10,8 @@ import numpy as np
 from satid_gym.config import Config, check_number
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, products_of_inertia
 from satid_gym.modes import Mode, modes_of
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.rigid_body import inertia_tensor
-from satid_gym.satellite import ReactionWheels
 from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
 

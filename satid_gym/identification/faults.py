@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from satid_gym.identification.estimate import Estimated
-from satid_gym.satellite import ReactionWheels
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.telemetry import Log
 
 _TIMES = 30.0  # the robust size of the residuals

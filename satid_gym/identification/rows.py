@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from satid_gym.estimators.inertia import inertia_tensors
-from satid_gym.satellite import ReactionWheels
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.telemetry.log import GAP, Log
 
 ROWS_MIN = 8  # instants in a window

@@ -32,7 +32,7 @@ def least_std(mission: Mission, duration: float) -> np.ndarray:
     sheet, period = mission.satellite, mission.scenario.sample_period
     samples = round(duration / period) + 1
     still, wheels = np.zeros((1, samples, 3)), sheet.wheels
-    stored = np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed) * mission.scenario.wheel_speed_range
+    stored = wheels.momentum_reach * mission.scenario.wheel_speed_range
     motion = TrueMotion(
         momentum=np.broadcast_to(stored, still.shape),
         rate=still,

@@ -44,7 +44,7 @@ class Authority:
         """Authority of a satellite with its operating limits, for reversals of a given duration, s."""
         wheels, inertia = satellite.wheels, np.abs(satellite.inertia).sum(axis=0)
         strength = _USED / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # torque on all axes per wheel torque
-        stored = strength * (wheels.inertia * wheels.max_speed).min() / inertia
+        stored = strength * wheels.max_momentum.min() / inertia
         acceleration = strength * wheels.max_torque.min() / inertia
         reached = np.minimum(stored, 0.5 * acceleration * reversal)
         return cls(acceleration=acceleration, rate=np.minimum(satellite.rate_limit, reached), reversal=reversal)

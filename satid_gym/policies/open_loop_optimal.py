@@ -39,7 +39,7 @@ def planned_rates(
     """
     wheels, inertia = satellite.wheels, np.abs(satellite.inertia)
     strength = 1.0 / np.abs(np.linalg.pinv(wheels.axes)).sum(axis=1).max()  # torque on all axes per wheel torque
-    stored = _USABLE * strength * (wheels.inertia * wheels.max_speed).min() / inertia.sum(axis=0)
+    stored = _USABLE * strength * wheels.max_momentum.min() / inertia.sum(axis=0)
     slew = _USABLE * strength * wheels.max_torque.min() * period / inertia.sum(axis=0)
     cap = np.minimum(fraction * satellite.rate_limit, stored)
     edges = np.cumsum(dwell, axis=-1)

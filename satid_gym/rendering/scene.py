@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.rendering.appendages import Appendages, extent
 from satid_gym.rendering.canvas import ALARM, MUTED, RULE, TEXT, Canvas, Colour, series_colour, shade
 from satid_gym.rendering.dome import Dome
 from satid_gym.rendering.history import History
-from satid_gym.satellite import ReactionWheels, Satellite
+from satid_gym.satellite import Satellite
 
 MOMENTUM_COLOUR: Colour = (255, 205, 92)
 RATE_COLOUR: Colour = (224, 134, 255)
@@ -45,7 +46,7 @@ def box(satellite: Satellite) -> tuple[np.ndarray, np.ndarray]:
 
 def capacity(wheels: ReactionWheels) -> float:
     """Angular momentum of all wheels at their speed limits, N m s, about the body axis with the largest."""
-    return float((np.abs(wheels.axes) @ (wheels.inertia * wheels.max_speed)).max())
+    return float(wheels.momentum_reach.max())
 
 
 class Scene:
