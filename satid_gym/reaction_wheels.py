@@ -79,6 +79,11 @@ class ReactionWheels(Config):
         return self.inertia * self.max_speed
 
     @property
+    def torque_reach(self) -> np.ndarray:
+        """Torque (3,) of all wheels together about each body axis, N m."""
+        return np.abs(self.axes) @ self.max_torque
+
+    @property
     def momentum_reach(self) -> np.ndarray:
         """Momentum (3,) of all wheels together along each body axis, N m s."""
         return np.abs(self.axes) @ self.max_momentum

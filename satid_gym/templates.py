@@ -130,10 +130,10 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     limits = [np.inf if o.deflection_limit is None else o.deflection_limit for o in satellite.oscillators]
     task["deflection_limit"] = np.repeat(limits, oscillator_counts(satellite.oscillators))
     task["termination_deflection"] = scenario.deflection_factor * task["deflection_limit"]
-    full = np.abs(satellite.wheels.axes) @ satellite.wheels.max_torque
-    task["control_authority"] = full * scenario.decision_period / np.diag(prior) / satellite.rate_limit
-    stored = satellite.wheels.momentum_reach
-    task["momentum_fraction"] = np.diag(prior) * satellite.rate_limit / stored
+    task["control_authority"] = (
+        satellite.wheels.torque_reach * scenario.decision_period / np.diag(prior) / satellite.rate_limit
+    )
+    task["momentum_fraction"] = np.diag(prior) * satellite.rate_limit / wheels.momentum_reach
     task["criterion"], task["net"] = Criterion[reward.criterion.upper()], reward.net
     for name in NUMBERS:
         task[name] = getattr(reward, name)

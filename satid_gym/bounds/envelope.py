@@ -75,7 +75,7 @@ def rate_cap(motion: TrueMotion, satellite: Satellite, dt: float) -> np.ndarray:
     by_storage = _times(np.abs(np.linalg.inv(motion.inertia)), stored)
     J_free = motion.inertia - wheels.rotor_inertia
     start = np.abs(_times(J_free[:, 0], motion.rate[:, 0]))[:, None]
-    push = np.abs(wheels.axes) @ wheels.max_torque + momentum * np.sqrt(3.0) * satellite.rate_limit + torque
+    push = wheels.torque_reach + momentum * np.sqrt(3.0) * satellite.rate_limit + torque
     by_torque = _times(np.abs(np.linalg.inv(J_free)), start + time * push)
     return np.minimum(satellite.rate_limit, np.minimum(by_storage, by_torque))
 

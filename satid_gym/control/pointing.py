@@ -167,4 +167,4 @@ class Pointing:
 def _brake(mission: Mission) -> float:
     """rad/s^2, deceleration of a slew."""
     wheels = mission.satellite.wheels
-    return _BRAKING * float((np.abs(wheels.axes) @ wheels.max_torque / np.diag(mission.prior.inertia)).min())
+    return _BRAKING * float((wheels.torque_reach / np.diag(mission.prior.inertia)).min())

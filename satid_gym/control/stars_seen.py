@@ -1,4 +1,4 @@
-"""What a star tracker has seen, as a tour of corners weighs it: turns between its readings.
+"""Turns of the body between readings of a star tracker, as a tour of corners weighs them.
 
 The angle between two readings tells the scale of gyro and wheels about the axes that the body has turned about, the
 better the further it has turned. So turns are summed from reading to reading, in the body frame, where each is taken to

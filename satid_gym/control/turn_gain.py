@@ -1,4 +1,4 @@
-"""What a turn of the body tells of the inertia, by the covariance of its parameters as observed.
+"""Gain of a turn of the body: what it tells of the inertia, by the covariance of its parameters as observed.
 
 The change v of the rate is measured about each axis with variance R, in units of the rate limit squared, and depends on
 theta by H:

@@ -54,7 +54,7 @@ def without_spikes(logs: Sequence[Log], satellite: Satellite) -> tuple[list[Log]
 def _spikes_of(log: Log, satellite: Satellite) -> tuple[np.ndarray, np.ndarray]:
     """How far spikes of rate (N, 3) and wheel speeds (N, n) are off, rad/s; NaN elsewhere."""
     wheels = satellite.wheels
-    torque = float((np.abs(wheels.axes) @ wheels.max_torque).max())
+    torque = float(wheels.torque_reach.max())
     turned = torque / float(np.diag(satellite.inertia).min())  # rad/s^2, at the most
     spun = float((wheels.max_torque / wheels.inertia).max())
     rate = _off(log.time, log.rate, _MOTORS * log.interval * turned)

@@ -56,7 +56,7 @@ class RateSquarePolicy:
         self._duration = mission.scenario.decision_period
         self._decision = 0
         satellite, wheels = mission.satellite, mission.satellite.wheels
-        reach = np.abs(wheels.axes) @ wheels.max_torque
+        reach = wheels.torque_reach
         slowest = np.max(np.diag(mission.prior.inertia) * satellite.rate_limit / reach)  # s from rest to the limit
         self._period = max(self.period, self.slews * slowest)
 
