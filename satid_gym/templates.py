@@ -124,15 +124,14 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     if scenario.operations is not None:
         task["tells_window"], task["payload"] = 1, scenario.operations.boresight
     task["orbit_rate"] = scenario.orbit_rate
-    task["torque_max"], task["wheel_speed_max"] = satellite.wheels.max_torque, satellite.wheels.max_speed
+    wheels = satellite.wheels
+    task["torque_max"], task["wheel_speed_max"] = wheels.max_torque, wheels.max_speed
     task["rate_limit"] = satellite.rate_limit
     task["termination_rate"] = scenario.termination_factor * satellite.rate_limit
     limits = [np.inf if o.deflection_limit is None else o.deflection_limit for o in satellite.oscillators]
     task["deflection_limit"] = np.repeat(limits, oscillator_counts(satellite.oscillators))
     task["termination_deflection"] = scenario.deflection_factor * task["deflection_limit"]
-    task["control_authority"] = (
-        satellite.wheels.torque_reach * scenario.decision_period / np.diag(prior) / satellite.rate_limit
-    )
+    task["control_authority"] = wheels.torque_reach * scenario.decision_period / np.diag(prior) / satellite.rate_limit
     task["momentum_fraction"] = np.diag(prior) * satellite.rate_limit / wheels.momentum_reach
     task["criterion"], task["net"] = Criterion[reward.criterion.upper()], reward.net
     for name in NUMBERS:
