@@ -162,8 +162,9 @@ def _tour(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
     if satellite.modes or unknown or len(weights) > 1:
         raise ValueError(
             f"policy {policy.name} cannot be written in C for {satellite.name}: a score of corners can for satellites "
-            f"without panels and tanks, as a network of one layer whose features need neither; this has "
-            f"{len(satellite.modes)} modes, {len(weights)} layers, and of such features {', '.join(unknown) or 'none'}"
+            f"without panels and tanks, as a network of one layer whose features need no modes, stars or windows; "
+            f"this has {len(satellite.modes)} modes, {len(weights)} layers, and of such features "
+            f"{', '.join(unknown) or 'none'}"
         )
     craft = Craft.of([pilot.mission])
     scored = zip(policy.corner_features, weights[0][0], strict=True)

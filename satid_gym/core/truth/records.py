@@ -28,7 +28,7 @@ def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, de
 
     `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 for other laws.
     `lines`: room for readings on their way, where sensors are timed.
-    `delay`: the longest of a command, in samples; there is room for 4, 16, 64, ... commands, because the core is
+    `delay`: the longest of a command, in samples; there is room for 16, 64, 256, ... commands, because the core is
     compiled for each room.
     """
     return np.dtype(
@@ -100,8 +100,8 @@ def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, de
 
 
 def _room(commands: int) -> int:
-    """The least power of 4, from 4 on, of so many."""
-    room = 4
+    """The least power of 4, from 16 on, that is as much."""
+    room = 16
     while room < commands:
         room *= 4
     return room
