@@ -15,6 +15,7 @@ from satid_gym.evaluation import seeds
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
+from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import Mission, missions
 from satid_gym.problem import problem
 from tests.cases import cases
@@ -92,6 +93,19 @@ def test_tours_that_know_of_no_windows_are_on_the_target_in_time(name, satellite
     flight = flown(cell, find(name), seeds("validation", 8))
     assert flight.inside(0.012)
     assert 0.3 < flight.nees.mean() < 2.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_the_tour_for_windows_expects_less_than_swings_and_the_tour_it_began_as(satellite):
+    cell, those = Cell(scenario="operations", satellite=satellite, inertia="static"), seeds("validation", 16)
+    learned, *others = (
+        flown(cell, policy, those) for policy in (find("window_tour"), find("rigid_tour"), SwingBetweenPolicy())
+    )
+    assert learned.inside(0.01)
+    assert 0.3 < learned.nees.mean() < 2.0
+    for other in others:
+        assert learned.expected.mean() < other.expected.mean()
 
 
 # what a tour knows of windows

@@ -1,8 +1,8 @@
 """Evolution of the score of corners: `python -m agents.evolution`, half an hour on two cores.
 
-A score is a weighted sum of features of a corner (`satid_gym.control.corner_features`). It begins as the baseline
-`corner_tour`, by how long the axes that a corner reverses have waited, and what the turn there tells of the inertia;
-CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", 2016) changes the weights of all features.
+A score is a weighted sum of features of a corner (`satid_gym.control.corner_features`). It begins as another tour, or
+as the baseline `corner_tour`, by how long the axes that a corner reverses have waited, and what the turn there tells of
+the inertia; CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", 2016) changes the weights of all features.
 A generation flies the same tuning episodes under random inertia laws, of all three satellites or of many drawn at
 random; what counts is the error that the filter expects, in the mean over the flight and geometrically over episodes,
 and the costs. No teacher, no truth and no gradient: costs and what the filter says are all it sees.
