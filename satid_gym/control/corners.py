@@ -49,8 +49,8 @@ class CornerTour:
         side: (N, 3) of each axis, -1 or 1.
 
     Raises:
-        ValueError: a number is out of range, the environment takes torques, or modes, or the walk that features take,
-            are not observed.
+        ValueError: a number is out of range, the environment takes torques, or modes, or the walk, stars or imaging
+            windows that features take, are not observed.
     """
 
     def __init__(

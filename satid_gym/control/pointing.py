@@ -21,6 +21,7 @@ _GAIN = 0.45  # 1/s, of the rate at the end of a slew over what is left
 _CLOSE = 0.7  # of what a window allows, at which a slew is over
 _EDGE_GAIN = 0.25  # 1/s, of the fastest approach to the keep-out over the distance
 _EDGE = np.radians(1.5)  # distance from the keep-out that is kept
+_ACROSS = 1e-6  # cosine of the angle between the boresight and an axis across it, rounded
 _UNROLL = 8.0  # s before the target is to be held, at which the turn about the boresight ends
 
 
@@ -128,7 +129,7 @@ class Pointing:
         leaves, times side (N,), within [-1, 1].
         """
         action = self.slew(view, self.fastest(view))
-        turned = self.boresight != 0.0  # axes that a turn about the boresight turns
+        turned = np.abs(self.boresight) > _ACROSS  # axes that a turn about the boresight turns
         room = ((view.most - np.abs(action))[:, turned] / np.abs(self.boresight[turned])).min(axis=1)
         roll = np.where(view.opens > settle + _UNROLL, side * np.maximum(room, 0.0), 0.0)
         return action + roll[:, None] * self.boresight
