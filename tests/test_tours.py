@@ -44,8 +44,9 @@ def toured(**weights: float) -> LearnedPolicy:
 # gaps
 
 
-def test_on_the_way_to_the_target_it_turns_about_the_boresight_as_it_last_did():
-    own = mission()
+@cases("boresight", [[0.0, 0.0, 1.0], [6e-17, 0.0, 1.0]])
+def test_on_the_way_to_the_target_it_turns_about_the_boresight_as_it_last_did(boresight):
+    own = mission(SCENARIOS["operations"].replace(operations={"boresight": boresight}))
     gaps = Gaps([own], 3.5, 3.0, "test")
     gaps.begin(1)
     (away,) = (-SCENARIOS["operations"].operations.boresight,)
