@@ -8,7 +8,7 @@ from baselines.scenarios.oracle import PLANS
 from baselines.tuning.amplitudes import FINER, Trial, Tuning, attempt, best, grid, tunable
 from satid_gym import INERTIA_MODES, SATELLITES, SCENARIOS, SatInertiaIDVectorEnv
 from satid_gym.control.decoded_observation import Belief, PlantConstants
-from satid_gym.control.planner import PLANNING_MARGIN
+from satid_gym.control.planning.planner import PLANNING_MARGIN
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies import registry

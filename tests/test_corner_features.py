@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from satid_gym.control.corner_choice import Choice
+from satid_gym.control.corners.choice import Choice
 from satid_gym.control.craft import Craft
 from satid_gym.core.observation import observed_std
 from tests.test_corners import CORNERS
@@ -29,7 +29,7 @@ def choice(rng: np.random.Generator, waited: float) -> Choice:
         "inertia": rng.uniform(-0.1, 0.1, (1, 6)),
         "wheel_momentum": rng.uniform(-0.5, 0.5, (1, 3)),
     }
-    given = dict.fromkeys(("own", "stars", "modes", "foreseen", "peak"))
+    given = dict.fromkeys(("own", "fixes", "modes", "foreseen", "peak"))
     corners = CORNERS[None, [0, 3, 7]]
     there = {"reverses": corners > 0.0, "waited": np.full((1, 3), waited)}
     return Choice(seen=seen, craft=craft, corners=corners, period=1.0, decisions=300, **there, **given)

@@ -13,7 +13,7 @@ from agents.evolution.judge import Judge, relative_error
 from agents.evolution.settings import Evolution
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
-from satid_gym.control.corners import CornerTour
+from satid_gym.control.corners.tour import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.evaluation import fly, seeds

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from baselines.scenarios.flights import Cell, flown
 from satid_gym import Pilot, SatInertiaIDVectorEnv
-from satid_gym.control import mode_doubles
-from satid_gym.control.rehearsal import Trail
+from satid_gym.control.planning import mode_doubles
+from satid_gym.control.planning.rehearsal import Trail
 from satid_gym.core.jit import kernel
 from satid_gym.evaluation import fly, seeds
 from satid_gym.policies import make_baseline

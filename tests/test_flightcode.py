@@ -12,7 +12,7 @@ import pytest
 
 from satid_gym import Pilot, draw_satellites
 from satid_gym.commands.main import main
-from satid_gym.control.corner_features import RIGID
+from satid_gym.control.corners.features import RIGID
 from satid_gym.flightcode.c_types import DOUBLE, Array, TranslationError
 from satid_gym.flightcode.measure import compiled
 from satid_gym.flightcode.policy_source import template

@@ -10,7 +10,7 @@ import pytest
 from baselines import build
 from baselines.tuning.open_loop_design import Design, information, search
 from satid_gym import SATELLITES, SatInertiaIDVectorEnv
-from satid_gym.control.planner import Planner
+from satid_gym.control.planning.planner import Planner
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.policies.greedy import GreedyPolicy

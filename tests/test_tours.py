@@ -7,10 +7,10 @@ import pytest
 
 from baselines.scenarios.flights import Cell, flown
 from satid_gym import SCENARIOS, SatInertiaIDVectorEnv
-from satid_gym.control.corner_features import FEATURES, RIGID, features_of
-from satid_gym.control.corners import CORNERS, CornerTour
+from satid_gym.control.corners.features import FEATURES, RIGID, features_of
+from satid_gym.control.corners.star_fixes import StarFixes
+from satid_gym.control.corners.tour import CORNERS, CornerTour
 from satid_gym.control.gaps import Gaps
-from satid_gym.control.stars_seen import StarLog
 from satid_gym.evaluation import seeds
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
@@ -141,24 +141,25 @@ def test_a_scenario_has_the_features_that_it_has_something_for():
 # stars
 
 
-def test_turns_are_summed_between_readings_and_told_by_the_next():
+def test_rotation_is_summed_between_fixes_and_squared_by_the_next():
     own = mission("calibration")
-    log = StarLog([own])
-    log.begin(1)
+    fixes = StarFixes([own])
+    fixes.begin(1)
 
     def after(age, rate=(0.0, 0.0, 0.0), left=0.5):
-        return log(observed(own, time_left=left, attitude_age=age, rate=rate))
+        fixes.update(observed(own, time_left=left, attitude_age=age, rate=rate))
+        return fixes.turn, fixes.squares
 
     for never in (after(0.0, rate=(1.0, 0.0, 0.0), left=1.0), after(1.0, rate=(1.0, 0.0, 0.0))):
-        assert not never.turned.any()
-    assert not after(0.4).squares.any()  # of what was turned before the first reading it does not tell
+        assert not never[0].any()
+    assert not after(0.4)[1].any()  # the first fix tells nothing of the rotation before
     for age in (1.4, 2.4):
-        swung = after(age, rate=(0.5, -1.0, 0.0))
-    np.testing.assert_allclose(swung.turned, [[1.0, -2.0, 0.0]])
-    assert not swung.squares.any()
-    told = after(0.4)
-    np.testing.assert_allclose(told.squares, [[1.0, 4.0, 0.0]])
-    assert not told.turned.any()
+        turn, squares = after(age, rate=(0.5, -1.0, 0.0))
+    np.testing.assert_allclose(turn, [[1.0, -2.0, 0.0]])
+    assert not squares.any()
+    turn, squares = after(0.4)
+    np.testing.assert_allclose(squares, [[1.0, 4.0, 0.0]])
+    assert not turn.any()
 
 
 def test_stars_tell_more_after_a_corner_about_axes_that_were_turned_least():
@@ -166,8 +167,8 @@ def test_stars_tell_more_after_a_corner_about_axes_that_were_turned_least():
     own = mission("calibration")
     tour = CornerTour([own], 0.0, features=("stars", "stars_onward"))
     tour.begin(1)
-    tour._stars._known[:] = True
-    tour._stars._turned[:], tour._stars._squares[:] = [[6.0, 0.0, 0.0]], [[0.0, 100.0, 0.0]]
+    tour._fixes._fixed[:] = True
+    tour._fixes.turn[:], tour._fixes.squares[:] = [[6.0, 0.0, 0.0]], [[0.0, 100.0, 0.0]]
     seen = []
     tour(observed(own, attitude_age=5.0), lambda features: seen.append(features) or features[:, :, 0])
     (stars, onward), known = seen[0][0].T, np.array([9.0, 109.0, 9.0])

@@ -22,7 +22,7 @@ from baselines.command import cli
 from baselines.tuning.amplitudes import tune
 from satid_gym import ReactionWheels, Satellite
 from satid_gym.config import check_names
-from satid_gym.control.planner import PLANNING_MARGIN
+from satid_gym.control.planning.planner import PLANNING_MARGIN
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import DamagedFileError
 from satid_gym.laws import INERTIA_MODES

@@ -1,6 +1,6 @@
 """Evolution of the score of corners: `python -m agents.evolution`, half an hour on two cores.
 
-A score is a weighted sum of features of a corner (`satid_gym.control.corner_features`). It begins as another tour, or
+A score is a weighted sum of features of a corner (`satid_gym.control.corners.features`). It begins as another tour, or
 as the baseline `corner_tour`, by how long the axes that a corner reverses have waited, and what the turn there tells of
 the inertia; CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", 2016) changes the weights of all features.
 A generation flies the same tuning episodes under random inertia laws, of all three satellites or of many drawn at

@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.evolution.settings import Evolution
 from baselines.scenarios.flights import expected_error
-from satid_gym.control.corners import CornerTour
+from satid_gym.control.corners.tour import CornerTour
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policy import missions, observation_settings

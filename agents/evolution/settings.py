@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_names, check_number
-from satid_gym.control.corner_features import features_of, takes_walk
+from satid_gym.control.corners.features import features_of, takes_walk
+from satid_gym.control.gaps import SETTLE
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
 from satid_gym.policies.learned import LearnedPolicy, check_name
@@ -54,7 +55,7 @@ class Evolution:
     """Log of the error that each share of an episode beyond a limit costs, beyond the first 0.5 %."""
     margin: float = 3.5
     """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
-    settle: float = 4.0
+    settle: float = SETTLE
     """s before an imaging window opens at which the target is to be held."""
     seed: int = 0
     """Seed of the evolution."""
@@ -99,11 +100,11 @@ class Evolution:
     @property
     def first(self) -> np.ndarray:
         """(features,) weights to begin with."""
-        weights = {"waited": 1.0, "gain": self.gain}
-        if self.start is not None:
+        if self.start is None:
+            weights = {"waited": 1.0, "gain": self.gain}
+        else:
             tour = find(self.start)
-            weights |= {"waited": 0.0, "gain": 0.0}
-            weights |= dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
+            weights = dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
         return np.array([weights.get(name, 0.0) for name in self.features])
 
     @property

@@ -145,9 +145,10 @@ def _where(cell: Cell) -> dict[str, Any]:
 
 
 def _digest(policy: LearnedPolicy) -> str:
-    """Checksum of a policy's weights."""
+    """Checksum of what decides a policy's flights: settings and weights."""
+    own = policy.margin, policy.repeat, policy.spares_modes, policy.corner_features, policy.settle
     tensors = sorted(policy.network.tensors().items())
-    return hashlib.sha256(b"".join(tensor.tobytes() for _, tensor in tensors)).hexdigest()
+    return hashlib.sha256(b"".join([repr(own).encode(), *(tensor.tobytes() for _, tensor in tensors)])).hexdigest()
 
 
 def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy, **identity: str) -> Task:

@@ -22,7 +22,7 @@ import numpy as np
 from agents.training.settings import DRAWN, Task
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.config import check_integer, check_number
-from satid_gym.control.planner import ADAPTIVE_WALK
+from satid_gym.control.planning.planner import ADAPTIVE_WALK
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.evaluation import seeds
 from satid_gym.files import DamagedFileError, write_bytes

@@ -20,7 +20,7 @@ from baselines.command.provenance import result_head
 from baselines.tuning.amplitudes import Trial, attempt, best, check_output, definitions, judge
 from satid_gym.bounds import TrueMotion, posterior_bound
 from satid_gym.config import check_integer, check_number
-from satid_gym.control.planner import planning_walk
+from satid_gym.control.planning.planner import planning_walk
 from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json

@@ -10,12 +10,14 @@ from satid_gym.config import check_number
 from satid_gym.control.pointing import Pointing
 from satid_gym.policy import Mission
 
+SETTLE = 4.0  # s before an imaging window opens at which learned tours are on their target
+
 
 class Gaps:
-    """Lets actions of rates through in the gaps, and turns to each target in time, for a batch of episodes.
+    """Passes rate commands on while there is time, then turns to the target, for a batch of episodes.
 
-    On the way the body turns about the boresight too, on the side on which the excitation turned it last: that costs no
-    time, and tells of the inertia.
+    During the slew the body turns about the boresight as well, in the direction in which the excitation turned it last:
+    this excites, and takes no more time.
 
     Args:
         missions: of a scenario with operations; all with the same layout.

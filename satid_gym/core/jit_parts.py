@@ -136,7 +136,7 @@ class Vectorised(Compiler):
     tests/test_filters.py. So it is on from the version on with which all tests pass.
 
     Python looks for garbage less often meanwhile: the front end makes millions of objects that live on, and to look
-    through them again and again takes a tenth of the time.
+    through them again and again takes a twelfth of the time.
     """
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:

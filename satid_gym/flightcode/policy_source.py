@@ -8,8 +8,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from satid_gym.control.corner_choice import EARLY, HOLD, LATE
-from satid_gym.control.corner_features import RIGID, SLEWS
+from satid_gym.control.corners.choice import EARLY, LATE
+from satid_gym.control.corners.features import RIGID, SLEWS
+from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import RateMargin

@@ -1,4 +1,4 @@
-"""Tours of the rate envelope's corners that reverse the axes which have waited longest; see `control.corners`."""
+"""Tours of the rate envelope's corners that reverse the axes which have waited longest; see `control.corners.tour`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.corners import HOLD, CornerTour
+from satid_gym.control.corners.tour import CornerTour
+from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.policy import Kind, Mission
 
 

@@ -1,10 +1,10 @@
 """Model-predictive excitation with the whole filter: what it plans, the filter that flies has rehearsed.
 
 `mpc` forecasts with a rigid body, nominal sensors and no star tracker, from what it observes. This one rehearses with
-the filter's own records (`control.rehearsal`): it sees modes ring, stars come into sight and errors of gyro and wheels
-become known, and keeps deflections inside their limit for frequencies within `caution` standard deviations of the
-estimate. With no caution it is certainty-equivalent. Between decisions a plan of rates is shifted by one and improved
-by local search.
+the filter's own records (`control.planning.rehearsal`): it sees modes ring, stars come into sight and errors of gyro
+and wheels become known, and keeps deflections inside their limit for frequencies within `caution` standard deviations
+of the estimate. With no caution it is certainty-equivalent. Between decisions a plan of rates is shifted by one and
+improved by local search.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_integer, check_number
+from satid_gym.control.planning.rehearsal import Flights, Scratch, Trail, room
+from satid_gym.control.planning.rehearsal_search import Search, improve_rehearsed
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.control.rehearsal import Flights, Scratch, Trail, room
-from satid_gym.control.rehearsal_search import Search, improve_rehearsed
 from satid_gym.core.truth.star_tracker import tracker_dtype
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.records import new_work

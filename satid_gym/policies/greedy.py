@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.planner import PLANNING_MARGIN, Planner
+from satid_gym.control.planning.planner import PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.policy import Kind, Mission
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from satid_gym.control.planner import PLANNING_MARGIN
+from satid_gym.control.planning.planner import PLANNING_MARGIN
 from satid_gym.profiles import PAPER_AMPLITUDES, PAPER_SCALES
 from satid_gym.satellite import Satellite
 

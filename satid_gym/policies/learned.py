@@ -17,9 +17,10 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, check_integer, check_number, unknown_name
-from satid_gym.control.corner_features import check_features
-from satid_gym.control.corners import CornerTour
+from satid_gym.control.corners.features import check_features
+from satid_gym.control.corners.tour import CornerTour
 from satid_gym.control.decoded_observation import check_observation
+from satid_gym.control.gaps import SETTLE
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
@@ -54,9 +55,9 @@ class LearnedPolicy:
         repeat: decisions for which each command of the network is repeated.
         spares_modes: whether panels and tanks are kept inside their limit, see `satid_gym.control.mode_limit`.
         corner_features: for a network that scores corners of the rate envelope: which features of a corner it takes,
-            `satid_gym.control.corner_features.FEATURES`; the open corner with the highest score is flown.
-        settle: of such a network, where there are imaging windows: it flies in the gaps between them, and is on the
-            target so many seconds before the opening.
+            `satid_gym.control.corners.features.FEATURES`; the open corner with the highest score is flown.
+        settle: s before an imaging window opens at which such a policy, which flies in the gaps between windows, is on
+            the target.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
@@ -79,7 +80,7 @@ class LearnedPolicy:
         repeat: int = 1,
         spares_modes: bool = False,
         corner_features: Sequence[str] = (),
-        settle: float = 4.0,
+        settle: float = SETTLE,
     ) -> None:
         for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
             if given not in known:
@@ -192,7 +193,7 @@ class LearnedPolicy:
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
             later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
-            later |= {"spares_modes": False, "corner_features": (), "settle": 4.0}
+            later |= {"spares_modes": False, "corner_features": (), "settle": SETTLE}
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_flag, check_number
-from satid_gym.control.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
+from satid_gym.control.planning.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.gym_api import seed_stream
 from satid_gym.policy import Kind, Mission

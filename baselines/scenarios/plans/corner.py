@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from baselines.scenarios.plans.shaped import with_true_modes
-from satid_gym.control.corners import CORNERS
+from satid_gym.control.corners.tour import CORNERS
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policy import Mission
 from satid_gym.vector import SatInertiaIDVectorEnv

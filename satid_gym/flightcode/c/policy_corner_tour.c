@@ -1,4 +1,4 @@
-/* From corner to corner of the rate envelope by a score, where nothing bends; see satid_gym.control.corner_choice. */
+/* From corner to corner of the rate envelope by a score, where nothing bends; see satid_gym.control.corners.choice. */
 #include "satid_policy.h"
 
 #include "command.h"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from satid_gym.control.rehearsal import begin, copy_row, fly
+from satid_gym.control.planning.rehearsal import begin, copy_row, fly
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.random import uniform
 

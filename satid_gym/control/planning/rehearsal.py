@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from satid_gym.control import mode_doubles
+from satid_gym.control.planning import mode_doubles
 from satid_gym.core.algebra import (
     add,
     axpy,

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym.control.decoded_observation import Belief, PlantConstants, times
-from satid_gym.control.forecast import Observed, Scratch, Start, Trail, World, follow, forecast_many
-from satid_gym.control.plan_search import improve_many
+from satid_gym.control.planning.forecast import Observed, Scratch, Start, Trail, World, follow, forecast_many
+from satid_gym.control.planning.plan_search import improve_many
 from satid_gym.core.observation import observed_std
 from satid_gym.estimators.inertia import Parameters, inertia_parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings

@@ -8,16 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from satid_gym.control.corners.star_fixes import StarFixes
+from satid_gym.control.corners.turn_gain import HOLD, TurnGain
 from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.observed_modes import Modes, ObservedModes
-from satid_gym.control.stars_seen import StarsSeen
-from satid_gym.control.turn_gain import HOLD, TurnGain
 from satid_gym.core.observed_sky import WINDOW_UNIT
 
 _SLOWEST = 1e-3  # w T
 EARLY, LATE = 10.0, 30.0  # s
-SHORT = 3.0  # s at the rate limit, a turn that stars tell little of
+CLOSING = 10.0  # s, the time constant of `closing`
+SHORT = 3.0  # s at the rate limit, a rotation of which star fixes tell little
 
 
 class NearestMode(NamedTuple):
@@ -46,7 +47,7 @@ class Choice:
         reverses: (N, 8, 3) whether a corner reverses an axis.
         waited: (N, 3) time since each axis reversed, s.
         own: (N, 8) score of the law by waits.
-        stars: what the star trackers have seen, where there are any.
+        fixes: of star trackers, where a feature needs them.
         modes: of panels and tanks.
         foreseen: forecasts these.
         peak: (N, 8) of them after one decision at a corner and then the best.
@@ -60,7 +61,7 @@ class Choice:
     reverses: np.ndarray
     waited: np.ndarray
     own: np.ndarray
-    stars: StarsSeen | None
+    fixes: StarFixes | None
     modes: Modes
     foreseen: ObservedModes
     peak: np.ndarray
@@ -128,38 +129,32 @@ class Choice:
 
     @cached_property
     def closing(self) -> np.ndarray:
-        """(N, 1) to 1, as the time that a gap between imaging windows leaves beside the way to the target runs out."""
-        way = np.abs(self.seen["target"]).max(axis=1) / self.craft.rate_limit
-        left = WINDOW_UNIT * self.seen["window"][:, 0] - way
-        return np.exp(-np.maximum(left, 0.0) / EARLY)[:, None]
-
-    @property
-    def seen_stars(self) -> StarsSeen:
-        """What the star trackers have seen."""
-        assert self.stars is not None
-        return self.stars
+        """(N, 1) 0 early in a gap between imaging windows, 1 where it leaves no more time than the slew takes."""
+        slew = np.abs(self.seen["target"]).max(axis=1) / self.craft.rate_limit
+        left = WINDOW_UNIT * self.seen["window"][:, 0] - slew
+        return np.exp(-np.maximum(left, 0.0) / CLOSING)[:, None]
 
     @cached_property
     def onward(self) -> np.ndarray:
-        """(N, 8) of a corner along what was turned since the stars were read, which is longer by that."""
-        return (self.corners @ self.seen_stars.turned[:, :, None])[:, :, 0] / LATE
+        """(N, 8) how far a corner goes on with the rotation since the last star fix."""
+        assert self.fixes is not None
+        return (self.corners @ self.fixes.turn[:, :, None])[:, :, 0] / LATE
 
     @cached_property
-    def told(self) -> np.ndarray:
-        """(N, 1) log of how much what stars tell of the scale would grow by a reading now, mean of the axes."""
-        stars = self.seen_stars
-        return np.log1p(stars.turned**2 / (SHORT**2 + stars.squares)).mean(axis=1)[:, None]
+    def star_gain(self) -> np.ndarray:
+        """(N, 8) how much more the next star fix tells of the scale after some seconds at a corner, mean of the axes.
 
-    @cached_property
-    def later_told(self) -> np.ndarray:
-        """(N, 8) by how much that is more after some seconds at a corner."""
-        stars = self.seen_stars
-        turned = stars.turned[:, None] + HOLD * self.corners
-        return np.log1p(turned**2 / (SHORT**2 + stars.squares)[:, None]).mean(axis=2) - self.told
+        In logarithms: each axis is known by the squares of its rotations between fixes.
+        """
+        assert self.fixes is not None
+        known = SHORT**2 + self.fixes.squares
+        now = np.log1p(self.fixes.turn**2 / known).mean(axis=1)[:, None]
+        turn = self.fixes.turn[:, None] + HOLD * self.corners
+        return np.log1p(turn**2 / known[:, None]).mean(axis=2) - now
 
     @cached_property
     def towards(self) -> np.ndarray:
-        """(N, 8) of a corner along the way to the target, in radians."""
+        """(N, 8) how far a corner leads towards the target, rad."""
         return (self.corners @ self.seen["target"][:, :, None])[:, :, 0]
 
     @cached_property

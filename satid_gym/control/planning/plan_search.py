@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.control.forecast import fly_plan
+from satid_gym.control.planning.forecast import fly_plan
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.random import uniform
 

@@ -1,16 +1,15 @@
-"""Features of the corners of the rate envelope, by which a score chooses among them; see `satid_gym.control.corners`.
+"""Features of the corners of the rate envelope, by which a score chooses among them (`control.corners.tour`).
 
 A feature is a product of properties of a `Choice`, where each is said in full.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from satid_gym.control.corner_choice import Choice
+from satid_gym.control.corners.choice import Choice
 from satid_gym.scenario import Scenario
 
 SLEWS = 3.0
@@ -74,10 +73,10 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "gain_closing": lambda c: c.complete_gain * c.closing,
     "towards": lambda c: c.towards,
     "towards_closing": lambda c: c.towards * c.closing,
-    "stars_closing": lambda c: c.later_told * c.closing,
-    "stars": lambda c: c.later_told,
-    "stars_early": lambda c: c.later_told * c.early,
-    "stars_uncertainty": lambda c: c.later_told * c.uncertainty,
+    "stars_closing": lambda c: c.star_gain * c.closing,
+    "stars": lambda c: c.star_gain,
+    "stars_early": lambda c: c.star_gain * c.early,
+    "stars_uncertainty": lambda c: c.star_gain * c.uncertainty,
     "stars_onward": lambda c: c.onward,
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
@@ -96,13 +95,18 @@ RIGID = _without(*_OF_MODES, *_OF_STARS, *_OF_WINDOWS)
 
 def features_of(scenario: Scenario) -> tuple[str, ...]:
     """Features that a scenario has: those of modes, of stars and of imaging windows where there are any."""
-    stars = scenario.sensors is not None and scenario.sensors.star_tracker is not None
-    present = {_OF_MODES: scenario.appendages, _OF_STARS: stars or None, _OF_WINDOWS: scenario.operations}
-    return _without(*itertools.chain(*(parts for parts, there in present.items() if there is None)))
+    absent: list[str] = []
+    if scenario.appendages is None:
+        absent += _OF_MODES
+    if scenario.sensors is None or scenario.sensors.star_tracker is None:
+        absent += _OF_STARS
+    if scenario.operations is None:
+        absent += _OF_WINDOWS
+    return _without(*absent)
 
 
 def takes_stars(names: Sequence[str]) -> bool:
-    """Whether one of the features takes what a star tracker has seen."""
+    """Whether one of the features takes the fixes of a star tracker."""
     return any(part in name for name in names for part in _OF_STARS)
 
 

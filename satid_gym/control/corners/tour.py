@@ -16,13 +16,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.control.corner_choice import HOLD, Choice
-from satid_gym.control.corner_features import FEATURES, takes_stars, takes_walk, takes_windows
+from satid_gym.control.corners.choice import Choice
+from satid_gym.control.corners.features import FEATURES, takes_stars, takes_walk, takes_windows
+from satid_gym.control.corners.star_fixes import StarFixes
+from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
-from satid_gym.control.gaps import Gaps
+from satid_gym.control.gaps import SETTLE, Gaps
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.control.stars_seen import StarLog
 from satid_gym.policy import Mission
 
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -61,21 +62,14 @@ class CornerTour:
         share: float = 0.9,
         caution: float = 1.0,
         features: Sequence[str] = (),
-        settle: float = 4.0,
+        settle: float = SETTLE,
     ) -> None:
         self._hold = check_number("hold", hold, strict=True)
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
         self._gaps = None if missions[0].scenario.operations is None else Gaps(missions, margin, settle, "a tour")
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
-        self._stars = None
-        if takes_stars(features):
-            if "attitude_age" not in self._layout:
-                raise ValueError(
-                    "features of stars are chosen but no star tracker is observed: take a satellite or scenario with "
-                    'one, such as "calibration", and an estimator that has the attitude'
-                )
-            self._stars = StarLog(missions)
+        self._fixes = StarFixes(missions) if takes_stars(features) else None
         if takes_windows(features) and self._world.operations is None:
             raise ValueError(
                 f"features of imaging windows are chosen and scenario {self._world.name!r} has none: take "
@@ -103,8 +97,8 @@ class CornerTour:
         """Begin that many episodes."""
         self.side = np.ones((episodes, 3))
         self._waited = np.tile(self._hold * _FIRST_WAITS, (episodes, 1))
-        if self._stars is not None:
-            self._stars.begin(episodes)
+        if self._fixes is not None:
+            self._fixes.begin(episodes)
         if self._gaps is not None:
             self._gaps.begin(episodes)
 
@@ -116,6 +110,8 @@ class CornerTour:
         peak = self._modes.peaks_of_turns(modes, corners)
         reverses = self.side[:, None] != CORNERS
         scores = self._waits(reverses)
+        if self._fixes is not None:
+            self._fixes.update(observation)
         if score is not None:
             choice = Choice(
                 seen={name: observation[:, self._layout[name]].astype(float) for name in self._seen},
@@ -124,7 +120,7 @@ class CornerTour:
                 reverses=reverses,
                 waited=self._waited,
                 own=scores,
-                stars=None if self._stars is None else self._stars(observation),
+                fixes=self._fixes,
                 modes=modes,
                 foreseen=self._modes,
                 peak=peak,

@@ -1,0 +1,1 @@
+"""Planners: forecasts of rates and filter, and the search for plans."""
