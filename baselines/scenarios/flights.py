@@ -14,6 +14,8 @@ from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.satellite import Satellite
 from satid_gym.vector import SatInertiaIDVectorEnv
 
+_AT_REST = 0.01  # of the rate limit, the fastest rate of a body at rest
+
 Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
 
 
@@ -34,8 +36,9 @@ class Flown:
         expected: relative error that the filter expects, geometric mean over the inertia's parameters and mean over
             the flight; infinite where it ended early.
         error: relative error at the end, or when it ended.
-        nees: normalised estimation error squared, mean over the time that was flown but for the 10 s after a step of
-            the inertia, as in `satid_gym.metrics.consistency`.
+        nees: normalised estimation error squared, mean over the time that was flown. As in
+            `satid_gym.metrics.consistency` the 10 s after a step of the inertia are left out; of a body at rest, whose
+            readings do not show a step, they begin when it next turns.
         costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
         terminated: whether it ended early; no cost says so.
         expected_at_end: relative error that the filter expects then; infinite where it ended early.
@@ -78,6 +81,7 @@ def flown(
     alive, error = np.ones(count, bool), np.zeros(count)
     expected, nees, costs = np.zeros(count), np.zeros(count), np.zeros((count, len(COSTS)))
     now, lived, judged = np.zeros(count), np.zeros(count), np.zeros(count)
+    shown = np.full(count, np.inf)  # s, since when readings have shown that the inertia has stepped
     for _ in range(steps):
         if told is not None:
             observation = told(env, observation)
@@ -87,7 +91,9 @@ def flown(
         error = np.where(alive, unit_free_error(env.fleet), error)
         now = np.where(alive, expected_error(env), np.inf)
         expected += now / steps
-        settled = alive & ~_settles(env)
+        stepped, time = env.fleet.rows.plants["stepped"] == 1, env.fleet.rows.plants["time"]
+        shown = np.where(stepped & _turns(env), np.minimum(shown, time), shown)
+        settled = alive & (~stepped | (time > shown + SETTLING))
         judged += settled
         nees += np.where(settled, info["nees"], 0.0)
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
@@ -98,10 +104,10 @@ def flown(
     )
 
 
-def _settles(env: SatInertiaIDVectorEnv) -> np.ndarray:
-    """Whether (N,) the inertia has stepped a moment ago."""
-    plants = env.fleet.rows.plants
-    return (plants["stepped"] == 1) & (plants["time"] <= plants["law_time"] + SETTLING)
+def _turns(env: SatInertiaIDVectorEnv) -> np.ndarray:
+    """Whether (N,) the body is not at rest."""
+    rows = env.fleet.rows
+    return np.abs(rows.plants["rate"]).max(axis=1) > _AT_REST * rows.tasks["rate_limit"]
 
 
 def expected_error(env: SatInertiaIDVectorEnv) -> np.ndarray:

@@ -16,8 +16,8 @@ out.) With q_min the least variance that matters
 
 so that q may also be 0; so that the estimate's noise is not taken for process noise, the filter uses 1 + e less -e
 times _DOUBT_SIGMAS standard deviations of e. e is a random walk itself: its variance falls with the information and
-grows with time. An innovation that no q explains is a step of the inertia: theta's covariance is raised before the
-update.
+grows with time. Where no reading tells of theta its variance grows faster than q says (`coherence`). An innovation
+that no q explains is a step of the inertia: theta's covariance is raised before the update.
 Source: Mehra, Approaches to adaptive filtering (1972); Ljung and Soderstrom, Theory and practice of recursive
 identification (1983), ch. 3: the recursive prediction error method, here for a parameter of the noise.
 """
@@ -29,6 +29,7 @@ import functools
 import numpy as np
 
 from satid_gym.core.algebra import dot, factor, invert, load
+from satid_gym.core.belief import coherence
 from satid_gym.core.belief.gating import STEP, distance
 from satid_gym.core.belief.kalman import multiply_rows
 from satid_gym.core.jit import inline, outline, outline_disjoint
@@ -61,6 +62,8 @@ def adaptation_dtype(p: int) -> np.dtype:
             ("walk", FLOAT),  # sqrt(q) that the last prediction used
             ("steps", INT),  # of the inertia that were found
             ("since_step", FLOAT),  # s
+            ("age", FLOAT),  # s, T and T_u of `coherence`
+            ("usual_age", FLOAT),
         ],
         align=True,
     )
@@ -94,6 +97,7 @@ def start(belief):
     state.walk = state.inertia_walk
     state.steps = 0
     state.since_step = _STEP_HOLDOFF
+    coherence.start(state)
     forget(state)
 
 
@@ -107,6 +111,7 @@ def _log_q(walk, walk_min):
 @inline
 def forget(state):
     """Take theta and its covariance as they are, whatever q."""
+    coherence.forget(state)
     for i in range(state.theta_slope.shape[0]):
         state.theta_slope[i] = 0.0
         for j in range(state.theta_slope.shape[0]):
@@ -117,14 +122,15 @@ def forget(state):
 def predict(belief, dt):
     """Set the process noise of the dt seconds to come, and what it does to the derivatives."""
     state, D, P = belief.adaptation, belief.adaptation.covariance_slope, belief.covariance
-    e, q_min = state.log_q, state.inertia_walk_min**2
+    e, q_min, doubt = state.log_q, state.inertia_walk_min**2, _DOUBT_SIGMAS * np.sqrt(state.log_q_variance)
     if e >= 0.0:
         variance = slope = q_min * np.exp(e)
         share = 1.0
     else:
-        doubt = -e * _DOUBT_SIGMAS * np.sqrt(state.log_q_variance)
-        variance, slope, share = q_min * max(0.0, 1.0 + e - doubt), q_min, (1.0 + e) ** 2
+        variance, slope, share = q_min * max(0.0, 1.0 + e + e * doubt), q_min, (1.0 + e) ** 2
     state.walk = np.sqrt(variance)
+    faster = coherence.factor(state, dt, min(max(e - doubt, 0.0), 1.0))
+    variance, slope = faster * variance, faster * slope
     p = belief.theta_scale.shape[0]
     own = _OWN_SHARE if p == 6 else 1.0
     for k in range(p):
@@ -206,6 +212,7 @@ def learn(belief, work):
     for i in range(p):
         for j in range(p):
             information += 0.5 * w.dP[i, j] * w.dP[j, i]
+    coherence.learn(state, w.I_minus_A)
     _update_slopes(state, w)
     variance = 1.0 / (1.0 / state.log_q_variance + max(information, 0.0))  # below 0 by rounding
     change = min(max(variance * score, -_LOG_Q_CHANGE_MAX), _LOG_Q_CHANGE_MAX)

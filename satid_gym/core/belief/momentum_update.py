@@ -22,14 +22,9 @@ def update_gyro(belief, work, gyro):
             return 0.0
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
-    if belief.rate_coordinates != 0 and belief.stepped == 0:
-        coarse = is_coarse(belief)
-        nis = _update_rate(belief, work)
-        if not coarse or whiteness.is_inflated(belief):
-            whiteness.note(belief, work)
-        return nis
     if not is_coarse(belief):
-        nis = _update_once(belief, work)
+        in_rate = belief.rate_coordinates != 0 and belief.stepped == 0
+        nis = _update_rate(belief, work) if in_rate else _update_once(belief, work)
         whiteness.note(belief, work)
         return nis
     if belief.adaptation.on != 0:
@@ -65,9 +60,10 @@ def _update_once(belief, work):
 
 @inline
 def _update_rate(belief, work):
-    """The same in errors of the rate, in which one linearisation will do.
+    """The same in errors of the rate.
 
-    Not after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
+    Not while theta is coarse, for a predicted rate is far from linear in it and only an iteration in M finds that. Nor
+    after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
     """
     coarse, adapts = is_coarse(belief), belief.adaptation.on != 0
     if adapts and coarse:

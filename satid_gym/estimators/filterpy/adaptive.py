@@ -24,6 +24,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         self._scale = prior.theta_scale(self.model.parameters)
         self._e, self._variance = self._log_q(self.momentum.inertia_walk), 4.0
         self.steps, self._since_step = 0, 30.0
+        self._usual_age = 10.0
         self._forget()
 
     def _log_q(self, walk: float) -> float:
@@ -31,7 +32,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         return float(np.log(relative)) if relative > 1.0 else relative - 1.0
 
     def _forget(self) -> None:
-        p = self.model.p
+        p, self._age = self.model.p, 0.0
         self._theta_slope, self._covariance_slope = np.zeros(p), np.zeros((p, p))
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
@@ -41,6 +42,10 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
             q = slope = q_min * np.exp(e)
         else:
             q, slope = q_min * max(0.0, 1.0 + e * (1.0 + 2.0 * np.sqrt(self._variance))), q_min
+        self._age += dt
+        sure = np.clip(e - 2.0 * np.sqrt(self._variance), 0.0, 1.0)
+        coherence = 1.0 + sure * max(2.0 * self._age / self._usual_age - 2.0, 0.0)
+        q, slope = coherence * q, coherence * slope
         theta, own = self.filter.x[3 : 3 + p], 0.1 if p == 6 else 1.0
         self.model.walk[3 : 3 + p] = np.sqrt(own * q) * self._scale
         common = (1.0 - own) * np.outer(theta, theta)
@@ -82,6 +87,9 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         score = u @ t + 0.5 * (u @ slope @ u - np.trace(w @ slope))
         information = t @ w @ t + 0.5 * np.trace(w @ slope @ w @ slope)
         kept = np.eye(len(d)) - (before - after) @ inverse
+        gain = 1.0 - np.trace(kept) / len(d)
+        self._usual_age += 0.1 * gain * (self._age - self._usual_age)
+        self._age *= 1.0 - gain
         self._theta_slope, self._covariance_slope = kept @ (t + slope @ u), kept @ slope @ kept.T
         self._variance = 1.0 / (1.0 / self._variance + information)
         e = self._e + np.clip(self._variance * score, -2.0, 2.0)

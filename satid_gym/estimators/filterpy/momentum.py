@@ -181,10 +181,11 @@ class FilterpyMomentumEKF(Reference):
         kf, model, a = self.filter, self.model, self._a
         if np.all(np.sqrt(np.diag(kf.P)[3:6]) <= 0.01 * kf.x[3:6]):
             self._stepped = False
-        if model.rate_coordinates and not self._stepped:
-            return self._condition_rate(gyro)
         prior, covariance = kf.x.copy(), kf.P.copy()
-        for _ in range(model.iterations(prior, covariance)):
+        iterations = model.iterations(prior, covariance)
+        if model.rate_coordinates and not self._stepped and iterations == 1:
+            return self._condition_rate(gyro)
+        for _ in range(iterations):
             point = kf.x.copy()
             slope, value = model.measurement_jacobian(point, a, gyro), model.reading(point, a)
             noise = model.measurement_noise(point)
