@@ -38,7 +38,7 @@ SHAPES = [
     for amplitude in (0.7, 1.0)
 ]
 HOLDS = (4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 14.0)  # s, of `corner_tour`
-SETTLES = (3.0, 4.0, 5.0)  # s, before a window opens
+SETTLES = (1.0, 4.0, 5.0)  # s, before a window opens
 GAP_SETTLES = (4.0, 5.0)  # s, of what flies in the gaps alone: fewer, for each has many other settings
 BETWEEN = [
     {"swing": swing, "roll": roll, "settle": settle}

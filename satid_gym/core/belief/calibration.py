@@ -23,7 +23,7 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import add, axpy, load, subtract
+from satid_gym.core.algebra import add, axpy, load, store, subtract
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times
 from satid_gym.core.belief.modes import body_inertia
 from satid_gym.core.jit import inline, outline
@@ -107,6 +107,13 @@ def wheel_input(belief, speed):
     for k in range(c.spin_count):
         a = axpy(c.spin_scale[k], load(belief.mean[c.spins + 3 * k : c.spins + 3 * k + 3]), a)
     return a
+
+
+@inline
+def take_up(belief):
+    """Take a at the errors that an update has estimated."""
+    if belief.calibration.states > 0:
+        store(belief.wheel_input, wheel_input(belief, belief.speed))
 
 
 @inline

@@ -118,8 +118,8 @@ def is_repeated(belief, gyro):
 
 
 @inline
-def distance(belief, work):
-    """Normalised innovation squared of the whitened reading in work.rows and work.innovation."""
+def innovation_covariance(belief, work):
+    """S = H P H^T + 1 (symmetric) of the whitened reading in work.rows."""
     rows, covariance, ph, size = work.rows, belief.covariance, work.ph, belief.mean.shape[0]
     s = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
     for i in range(3):
@@ -138,8 +138,14 @@ def distance(belief, work):
             s = (s[0], s[1] + y, s[2], s[3], s[4], z)
         else:
             s = (s[0], s[1], s[2] + z, s[3], s[4], s[5])
+    return s
+
+
+@inline
+def distance(belief, work):
+    """Normalised innovation squared of the whitened reading in work.rows and work.innovation."""
     innovation = load(work.innovation)
-    return dot(innovation, multiply(inverse(s), innovation))
+    return dot(innovation, multiply(inverse(innovation_covariance(belief, work)), innovation))
 
 
 @inline

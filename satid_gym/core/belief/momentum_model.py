@@ -95,8 +95,7 @@ def linearise(belief, work, gyro):
     p = belief.prior_theta.shape[0]
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     calibrated = belief.calibration.states > 0
-    if calibrated:
-        store(belief.wheel_input, calibration.wheel_input(belief, belief.speed))
+    calibration.take_up(belief)
     omega = multiply(J_inv, body_momentum(belief))
     reading = alignment.aligned_gyro(belief, gyro)
     residual = subtract(reading, calibration.reading_of(belief, omega) if calibrated else omega)

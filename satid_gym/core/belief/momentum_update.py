@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from satid_gym.core.belief import adaptation, alignment, attitude, modes, momentum_model, retraction, whiteness
-from satid_gym.core.belief.gating import STEP
+from satid_gym.core.algebra import dot, inverse, load, multiply
+from satid_gym.core.belief import adaptation, alignment, attitude, calibration, modes, momentum_model, retraction, whiteness
+from satid_gym.core.belief.gating import STEP, innovation_covariance
 from satid_gym.core.belief.kalman import is_known_to, update
 from satid_gym.core.jit import inline, outline
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
 _ITERATIONS = 4
+_LEAP = 0.1  # relative change of a moment by one reading, beyond which updates in errors of the rate are not made
 _STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia counts as learned
 
 
@@ -22,9 +24,14 @@ def update_gyro(belief, work, gyro):
             return 0.0
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
-    if not is_coarse(belief):
-        in_rate = belief.rate_coordinates != 0 and belief.stepped == 0
-        nis = _update_rate(belief, work) if in_rate else _update_once(belief, work)
+    coarse = is_coarse(belief)
+    if belief.rate_coordinates != 0 and belief.stepped == 0 and not (coarse and _leaps(belief, work)):
+        nis = _update_rate(belief, work)
+        if not coarse or whiteness.is_inflated(belief):
+            whiteness.note(belief, work)
+        return nis
+    if not coarse:
+        nis = _update_once(belief, work)
         whiteness.note(belief, work)
         return nis
     if belief.adaptation.on != 0:
@@ -42,9 +49,24 @@ def update_gyro(belief, work, gyro):
         _copy(prior_mean, prior, belief.mean, belief.covariance, size)
         nis = update(belief, work, 3)
     belief.constrained_updates = min(belief.constrained_updates, constrained_updates + 1)
+    calibration.take_up(belief)
     if whiteness.is_inflated(belief):
         whiteness.note(belief, work)
     return nis
+
+
+@inline
+def _leaps(belief, work):
+    """Whether one linear update by what is in work changes a moment by more than 10 %."""
+    to_change = multiply(inverse(innovation_covariance(belief, work)), load(work.innovation))
+    leaps = False
+    for k in range(3):
+        change = 0.0
+        for j in range(belief.mean.shape[0]):
+            column = (work.rows[0, j], work.rows[1, j], work.rows[2, j])
+            change += belief.covariance[3 + k, j] * dot(column, to_change)
+        leaps = leaps or abs(change) > _LEAP * belief.mean[3 + k]
+    return leaps
 
 
 @inline
@@ -55,6 +77,7 @@ def _update_once(belief, work):
     nis = update(belief, work, 3)
     if belief.adaptation.on != 0:
         adaptation.learn(belief, work)
+    calibration.take_up(belief)
     return nis
 
 
@@ -62,7 +85,7 @@ def _update_once(belief, work):
 def _update_rate(belief, work):
     """The same in errors of the rate.
 
-    Not while theta is coarse, for a predicted rate is far from linear in it and only an iteration in M finds that. Nor
+    Not where a moment leaps, for the predicted rate is far from linear in it, which an iteration in M allows for. Nor
     after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
     """
     coarse, adapts = is_coarse(belief), belief.adaptation.on != 0

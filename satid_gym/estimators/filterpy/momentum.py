@@ -183,15 +183,22 @@ class FilterpyMomentumEKF(Reference):
             self._stepped = False
         prior, covariance = kf.x.copy(), kf.P.copy()
         iterations = model.iterations(prior, covariance)
-        if model.rate_coordinates and not self._stepped and iterations == 1:
-            return self._condition_rate(gyro)
-        for _ in range(iterations):
+        for i in range(iterations):
             point = kf.x.copy()
             slope, value = model.measurement_jacobian(point, a, gyro), model.reading(point, a)
             noise = model.measurement_noise(point)
+            if i == 0 and model.rate_coordinates and not self._stepped:
+                if iterations == 1 or not self._leaps(slope, gyro - value, noise):
+                    return self._update_rate(gyro, slope, value, noise)
             kf.x, kf.P = prior.copy(), covariance.copy()
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
+
+    def _leaps(self, slope: np.ndarray, innovation: np.ndarray, noise: np.ndarray) -> bool:
+        """Whether one linear update changes a moment by more than 10 %."""
+        x, covariance = self.filter.x, self.filter.P
+        change = covariance @ slope.T @ np.linalg.solve(slope @ covariance @ slope.T + noise, innovation)
+        return bool((np.abs(change[3:6]) > 0.1 * x[3:6]).any())
 
     def update_attitude(self, attitude: np.ndarray) -> float:
         """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
@@ -211,15 +218,8 @@ class FilterpyMomentumEKF(Reference):
         model.take_up(kf.x)
         return nis
 
-    def _condition_rate(self, gyro: np.ndarray) -> float:
-        """The same in errors of the rate."""
-        model, a, x = self.model, self._a, self.filter.x.copy()
-        return self._update_rate(
-            gyro, model.measurement_jacobian(x, a, gyro), model.reading(x, a), model.measurement_noise(x)
-        )
-
     def _update_rate(self, reading: np.ndarray, slope: np.ndarray, value: np.ndarray, noise: np.ndarray) -> float:
-        """Update by a reading, its slope (3, size), expectation and noise; M follows from the rate that it finds."""
+        """Update in errors of the rate by a reading, its slope (3, size), expectation and noise; M follows."""
         kf, model, a = self.filter, self.model, self._a
         x = kf.x.copy()
         omega = model.rate(x, a)
