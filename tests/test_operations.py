@@ -17,6 +17,7 @@ from satid_gym.core.observation import observed_std
 from satid_gym.core.observed_sky import WINDOW_UNIT
 from satid_gym.evaluation import seeds
 from satid_gym.fleet import Fleet
+from satid_gym.gym_api import COSTS
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.operations import Operations
 from satid_gym.policies.operator import OperatorPolicy
@@ -382,3 +383,26 @@ def test_a_step_of_the_inertia_at_rest_is_found_once_the_body_turns(satellite, p
     assert 0.3 < nees[~stepped].mean() < 2.0
     assert 0.3 < nees[stepped & (turns > 5)].mean() < 2.0  # s, at one decision a second
     assert nees[stepped & (turns == 0)].mean() > 100.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_the_filter_is_honest_from_the_first_second(satellite):
+    """One reading of a wheel at full torque takes the moments from 30 % to 3: one linearisation is far off then."""
+    chosen, policy = seeds("validation", 256), SwingBetweenPolicy()
+    env = SatInertiaIDVectorEnv(256, satellite, "static", "operations", **SETTINGS)
+    policy.reset(missions(env.problem)[0], chosen)
+    observation, _ = env.reset(seed=chosen)
+    *_, info = env.step(policy(observation))
+    assert 0.3 < info["nees"].mean() < 1.5
+    assert np.quantile(info["nees"], 0.99) < 7.0
+    assert not env.fleet.rows.beliefs["adaptation"]["steps"].any()
+    env.close()
+
+
+@pytest.mark.compiled
+def test_rates_keep_off_their_limit_by_what_the_gyro_may_misread():
+    """Motors so quiet leave no other distance: at the limit itself a gyro that reads too little leads beyond."""
+    cell = Cell(scenario="operations", satellite="smallsat", inertia="periodic")
+    flight = flown(cell, SwingBetweenPolicy(), seeds("validation", 24))
+    assert flight.costs.mean(axis=0)[COSTS.index("rate")] < 0.002

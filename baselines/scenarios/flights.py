@@ -37,8 +37,8 @@ class Flown:
             the flight; infinite where it ended early.
         error: relative error at the end, or when it ended.
         nees: normalised estimation error squared, mean over the time that was flown. As in
-            `satid_gym.metrics.consistency` the 10 s after a step of the inertia are left out; of a body at rest, whose
-            readings do not show a step, they begin when it next turns.
+            `satid_gym.metrics.consistency` the 10 s after a step of the inertia are left out, counting the time in
+            which the body turns: at rest no reading shows a step.
         costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
         terminated: whether it ended early; no cost says so.
         expected_at_end: relative error that the filter expects then; infinite where it ended early.
@@ -81,7 +81,7 @@ def flown(
     alive, error = np.ones(count, bool), np.zeros(count)
     expected, nees, costs = np.zeros(count), np.zeros(count), np.zeros((count, len(COSTS)))
     now, lived, judged = np.zeros(count), np.zeros(count), np.zeros(count)
-    shown = np.full(count, np.inf)  # s, since when readings have shown that the inertia has stepped
+    turned = np.zeros(count)  # s of turning since the inertia stepped
     for _ in range(steps):
         if told is not None:
             observation = told(env, observation)
@@ -91,9 +91,9 @@ def flown(
         error = np.where(alive, unit_free_error(env.fleet), error)
         now = np.where(alive, expected_error(env), np.inf)
         expected += now / steps
-        stepped, time = env.fleet.rows.plants["stepped"] == 1, env.fleet.rows.plants["time"]
-        shown = np.where(stepped & _turns(env), np.minimum(shown, time), shown)
-        settled = alive & (~stepped | (time > shown + SETTLING))
+        stepped = env.fleet.rows.plants["stepped"] == 1
+        turned += env.problem.scenario.decision_period * (stepped & _turns(env))
+        settled = alive & (~stepped | (turned > SETTLING))
         judged += settled
         nees += np.where(settled, info["nees"], 0.0)
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
