@@ -157,7 +157,7 @@ def test_it_is_consistent_where_the_data_sheet_tells_of_the_mode(oscillator, unt
 
 @pytest.mark.compiled
 def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray():
-    """One episode of a hundred, with a frequency three standard deviations off: it restarts, or would be overconfident."""
+    """One episode of a hundred, with a frequency three standard deviations off: it restarts, or is overconfident."""
 
     def nees(**settings):
         flight = fly(

@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from satid_gym.core.algebra import dot, inverse, load, multiply
-from satid_gym.core.belief import adaptation, alignment, attitude, calibration, modes, momentum_model, retraction, whiteness
+from satid_gym.core.belief import (
+    adaptation,
+    alignment,
+    attitude,
+    calibration,
+    modes,
+    momentum_model,
+    retraction,
+    whiteness,
+)
 from satid_gym.core.belief.gating import STEP, innovation_covariance
 from satid_gym.core.belief.kalman import is_known_to, update
 from satid_gym.core.jit import inline, outline

@@ -187,9 +187,9 @@ class FilterpyMomentumEKF(Reference):
             point = kf.x.copy()
             slope, value = model.measurement_jacobian(point, a, gyro), model.reading(point, a)
             noise = model.measurement_noise(point)
-            if i == 0 and model.rate_coordinates and not self._stepped:
-                if iterations == 1 or not self._leaps(slope, gyro - value, noise):
-                    return self._update_rate(gyro, slope, value, noise)
+            in_rate = i == 0 and model.rate_coordinates and not self._stepped
+            if in_rate and (iterations == 1 or not self._leaps(slope, gyro - value, noise)):
+                return self._update_rate(gyro, slope, value, noise)
             kf.x, kf.P = prior.copy(), covariance.copy()
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
