@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_filters import DT, assert_equal_filters, fly, run_slowly
 
 from baselines.scenarios.flights import Cell, flown
 from satid_gym import InertiaLaw, SatInertiaIDVectorEnv
+from satid_gym.estimators import AdaptiveEKF, FilterpyAdaptiveEKF
 from satid_gym.evaluation import seeds
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shipped import find
@@ -39,6 +41,21 @@ def rested(law: InertiaLaw, usual_age: float | None = None) -> tuple[np.ndarray,
     nees = info["nees"].copy()
     env.close()
     return nees, growth
+
+
+def test_the_growth_is_filterpys(microsat):
+    """Excitation, a rest in which the variance grows faster than by the walk, and excitation again."""
+    readings = fly(microsat, "periodic", seconds=120, rest=(70.0, 110.0))
+    ekf, fastest = AdaptiveEKF(), 0.0
+    ekf.reset(readings.prior, readings.gyro[0], readings.wheel_speed[0])
+    for gyro, speed in zip(readings.gyro[1:], readings.wheel_speed[1:], strict=True):
+        known, scale = ekf.covariance[3, 3], ekf.record["theta_scale"][0]
+        ekf.predict(speed, DT)
+        fastest = max(fastest, (ekf.covariance[3, 3] - known) / (ekf.inertia_walk * scale) ** 2 / DT)
+        ekf.update(gyro, speed)
+    assert fastest > 3.0
+    run = AdaptiveEKF().run(readings.prior, readings.gyro, readings.wheel_speed, DT)
+    assert_equal_filters(run, run_slowly(FilterpyAdaptiveEKF(), readings), 1e-8)
 
 
 @pytest.mark.compiled

@@ -46,11 +46,19 @@ class Readings:
     prior: FilterPrior
 
 
-def fly(satellite: Satellite, mode: str, seconds: int = 300, seed: int = 0, true_scale: float = 1.1) -> Readings:
+def fly(
+    satellite: Satellite,
+    mode: str,
+    seconds: int = 300,
+    seed: int = 0,
+    true_scale: float = 1.1,
+    rest: tuple[float, float] = (0.0, 0.0),
+) -> Readings:
     rng = np.random.default_rng(seed)
     n = satellite.wheels.count
     t = np.arange(round(seconds / DT))
     wave = np.where((t[:, None] * DT / 30.0 + np.arange(n) / n) % 1.0 < 0.5, 1.0, -1.0)
+    wave[(t * DT >= rest[0]) & (t * DT < rest[1])] = 0.0
     torque = 0.08 * satellite.wheels.max_torque * wave + 0.01 * satellite.wheels.max_torque * rng.normal(
         size=wave.shape
     )

@@ -402,7 +402,7 @@ def test_the_filter_is_honest_from_the_first_second(satellite):
 
 @pytest.mark.compiled
 def test_rates_keep_off_their_limit_by_what_the_gyro_may_misread():
-    """Motors so quiet leave no other distance: at the limit itself a gyro that reads too little leads beyond."""
+    """Motors are so quiet here that the gyro's scale alone keeps rates off their limit."""
     cell = Cell(scenario="operations", satellite="smallsat", inertia="periodic")
     flight = flown(cell, SwingBetweenPolicy(), seeds("validation", 24))
     assert flight.costs.mean(axis=0)[COSTS.index("rate")] < 0.002

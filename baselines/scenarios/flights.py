@@ -36,9 +36,9 @@ class Flown:
         expected: relative error that the filter expects, geometric mean over the inertia's parameters and mean over
             the flight; infinite where it ended early.
         error: relative error at the end, or when it ended.
-        nees: normalised estimation error squared, mean over the time that was flown. As in
-            `satid_gym.metrics.consistency` the 10 s after a step of the inertia are left out, counting the time in
-            which the body turns: at rest no reading shows a step.
+        nees: normalised estimation error squared, mean over the time that was flown. The 10 s after a step of the
+            inertia are left out, as in `satid_gym.metrics.consistency`, but here it is time in which the body turns
+            that counts: at rest no reading shows a step.
         costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
         terminated: whether it ended early; no cost says so.
         expected_at_end: relative error that the filter expects then; infinite where it ended early.

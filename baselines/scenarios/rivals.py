@@ -38,7 +38,7 @@ SHAPES = [
     for amplitude in (0.7, 1.0)
 ]
 HOLDS = (4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 14.0)  # s, of `corner_tour`
-SETTLES = (4.0, 5.0)  # s; with 3 most miss windows on cubesat for more than 1 % of the time
+SETTLES = (4.0, 5.0)  # s; of what flies in the gaps with 3 most misses windows on cubesat for over 1 % of the time
 BETWEEN = [
     {"swing": swing, "roll": roll, "settle": settle}
     for swing in (3.0, 4.0, 6.0, 9.0)

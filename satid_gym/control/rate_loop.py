@@ -79,8 +79,8 @@ class RateMargin:
         satellite, world, wheels = mission.satellite, mission.scenario, mission.satellite.wheels
         noise = world.tracking_noise * wheels.max_torque  # N m s
         variance = ((np.linalg.inv(mission.prior.inertia) @ wheels.axes * noise) ** 2).sum(axis=1)
-        scale = 0.0 if world.tolerances is None else world.tolerances.gyro_scale
-        std = np.sqrt(variance + satellite.gyro_noise_std**2 + (scale * satellite.rate_limit) ** 2)
+        misread = satellite.tolerances.gyro_scale * satellite.rate_limit
+        std = np.sqrt(variance + satellite.gyro_noise_std**2 + misread**2)
         return np.maximum(1.0 - self.margin * std / satellite.rate_limit, 0.0)
 
     def assign(self, rows: np.ndarray) -> None:

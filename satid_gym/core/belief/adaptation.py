@@ -59,7 +59,7 @@ def adaptation_dtype(p: int) -> np.dtype:
             ("log_q_variance", FLOAT),
             ("theta_slope", FLOAT, p),  # t
             ("covariance_slope", FLOAT, (p, p)),  # D
-            ("walk", FLOAT),  # sqrt(q) that the last prediction used
+            ("walk", FLOAT),  # sqrt(q) of the last prediction
             ("steps", INT),  # of the inertia that were found
             ("since_step", FLOAT),  # s
             ("age", FLOAT),  # s, T and T_u of `coherence`

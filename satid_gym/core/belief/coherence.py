@@ -8,7 +8,9 @@ In an imaging window, where the body rests, none tells; there the walk is too sl
 
 T is the mean age of what the estimate of theta rests on: it grows with time, and a reading that takes the share g of
 theta's covariance away leaves 1 - g of it. T_u is its usual value, the mean over what was learned, so that c is 1 where
-the walk was found. c is more than 1 only as far as theta moves beyond doubt. Source: this project's design.
+the walk was found. c is more than 1 only as far as theta moves beyond doubt, which grows in a long rest, and while it
+is known to 5 %: updates of a theta that is coarse begin T again. Derivatives by q take c as given. Source: this
+project's design.
 """
 
 from __future__ import annotations

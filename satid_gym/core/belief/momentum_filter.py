@@ -131,7 +131,8 @@ def condition(belief, work, gyro):
     """Update with one gyro reading (3,); returns the normalised innovation squared (3 degrees of freedom).
 
     While a moment is known to no better than 5 %, the update is iterated (Gauss-Newton on the posterior):
-    omega is far from linear in theta there, and what one linearisation leaves is never forgotten.
+    omega is far from linear in theta there, and what one linearisation leaves is never forgotten. Where errors are
+    those of the rate, that is done for readings that would change a moment by more than 10 %.
     Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
     """
     gated = belief.gate.threshold > 0.0

@@ -58,6 +58,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "core/belief/alignment": ("timing",),
     "core/belief/announcement": ("mass_laws",),
     "core/belief/calibration": ("calibration",),
+    "core/belief/coherence": ("coherence", "walk"),
     "core/belief/gating": ("vetting",),
     "core/belief/kalman": ("filters",),
     "core/belief/mode_prediction": ("modes",),
