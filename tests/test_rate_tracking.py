@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from satid_gym import SATELLITES, Pilot, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym import SATELLITES, SCENARIOS, Pilot, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.estimators import MomentumEKF
 from satid_gym.evaluation import fly, seeds
@@ -275,6 +275,20 @@ def test_sb3s_rate_commands_are_the_actions_there():
     (mission,) = missions(env.vector_env.problem)
     expected = RateMargin([mission], 3.5)(np.empty((1, 0)), np.full(3, 0.4))
     np.testing.assert_allclose(env.vector_env.fleet.rows.tasks["command"], np.tile(expected, (2, 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("told", ["satellite", "scenario"])
+def test_rates_keep_off_the_limit_by_the_scale_of_the_gyro(told):
+    """3.5 standard deviations of 0.4 %, wherever that stands, next to noise of 0.3 % of the limit."""
+    body = SATELLITES["microsat"]
+    body = body.replace(gyro_noise_std=0.003 * body.rate_limit)
+    world = SCENARIOS["default"].replace(torque_noise=0.0)
+    if told == "satellite":
+        body = body.replace(tolerances={"gyro_scale": 0.004})
+    else:
+        world = world.replace(tolerances={"gyro_scale": 0.004})
+    share = RateMargin(missions(problem(body, scenario=world, control="rate")), 3.5)(np.empty((1, 0)), np.ones(3))
+    np.testing.assert_allclose(share, 1.0 - 3.5 * 0.005, rtol=1e-12)
 
 
 def test_several_satellites_have_no_common_mission():
