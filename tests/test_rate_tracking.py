@@ -277,13 +277,13 @@ def test_sb3s_rate_commands_are_the_actions_there():
     np.testing.assert_allclose(env.vector_env.fleet.rows.tasks["command"], np.tile(expected, (2, 1)), rtol=1e-6)
 
 
-@pytest.mark.parametrize("told", ["satellite", "scenario"])
-def test_rates_keep_off_the_limit_by_the_scale_of_the_gyro(told):
+@pytest.mark.parametrize("given_by", ["satellite", "scenario"])
+def test_rates_keep_off_the_limit_by_the_scale_of_the_gyro(given_by):
     """3.5 standard deviations of 0.4 %, wherever that stands, next to noise of 0.3 % of the limit."""
     body = SATELLITES["microsat"]
     body = body.replace(gyro_noise_std=0.003 * body.rate_limit)
     world = SCENARIOS["default"].replace(torque_noise=0.0)
-    if told == "satellite":
+    if given_by == "satellite":
         body = body.replace(tolerances={"gyro_scale": 0.004})
     else:
         world = world.replace(tolerances={"gyro_scale": 0.004})

@@ -14,7 +14,7 @@ from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.satellite import Satellite
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-_AT_REST = 0.01  # of the rate limit, the fastest rate of a body at rest
+_AT_REST = 0.01  # of the rate limit, the fastest rate of a body at rest, whose readings do not show a step
 
 Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
 

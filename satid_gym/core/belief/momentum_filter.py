@@ -132,7 +132,7 @@ def condition(belief, work, gyro):
 
     While a moment is known to no better than 5 %, the update is iterated (Gauss-Newton on the posterior):
     omega is far from linear in theta there, and what one linearisation leaves is never forgotten. Where errors are
-    those of the rate, that is done for readings that would change a moment by more than 10 %.
+    those of the rate, that is done for readings of which one linearisation is off by more than what it leaves unknown.
     Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
     """
     gated = belief.gate.threshold > 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import dot, inverse, load, multiply
+from satid_gym.core.algebra import axpy, dot, inverse, load, multiply
 from satid_gym.core.belief import (
     adaptation,
     alignment,
@@ -19,7 +19,6 @@ from satid_gym.core.jit import inline, outline
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
 _ITERATIONS = 4
-_LEAP = 0.1  # relative change of a moment by one reading, beyond which updates in errors of the rate are not made
 _STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia counts as learned
 
 
@@ -34,7 +33,7 @@ def update_gyro(belief, work, gyro):
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
     coarse = is_coarse(belief)
-    if belief.rate_coordinates != 0 and belief.stepped == 0 and not (coarse and _leaps(belief, work)):
+    if belief.rate_coordinates != 0 and belief.stepped == 0 and not (coarse and _is_nonlinear(belief, work)):
         nis = _update_rate(belief, work)
         if not coarse or whiteness.is_inflated(belief):
             whiteness.note(belief, work)
@@ -65,17 +64,21 @@ def update_gyro(belief, work, gyro):
 
 
 @inline
-def _leaps(belief, work):
-    """Whether one linear update by what is in work changes a moment by more than 10 %."""
-    to_change = multiply(inverse(innovation_covariance(belief, work)), load(work.innovation))
-    leaps = False
+def _is_nonlinear(belief, work):
+    """Whether one linear update by what is in work leaves a moment with an error beyond the std that it leaves.
+
+    A predicted rate is inversely proportional to a moment: an update that changes it by the share s is off by s^2.
+    """
+    S_inv = inverse(innovation_covariance(belief, work))
+    found = False
     for k in range(3):
-        change = 0.0
+        column = (0.0, 0.0, 0.0)  # of H P
         for j in range(belief.mean.shape[0]):
-            column = (work.rows[0, j], work.rows[1, j], work.rows[2, j])
-            change += belief.covariance[3 + k, j] * dot(column, to_change)
-        leaps = leaps or abs(change) > _LEAP * belief.mean[3 + k]
-    return leaps
+            column = axpy(belief.covariance[3 + k, j], (work.rows[0, j], work.rows[1, j], work.rows[2, j]), column)
+        gain = multiply(S_inv, column)
+        error = dot(gain, load(work.innovation)) ** 2 / belief.mean[3 + k]
+        found = found or error * error > belief.covariance[3 + k, 3 + k] - dot(gain, column)
+    return found
 
 
 @inline
@@ -94,8 +97,8 @@ def _update_once(belief, work):
 def _update_rate(belief, work):
     """The same in errors of the rate.
 
-    Not where a moment leaps, for the predicted rate is far from linear in it, which an iteration in M allows for. Nor
-    after a step of the inertia: that changes the rate and leaves M, so what is known there is M.
+    Not where one linearisation will not do, which an iteration in M replaces. Nor after a step of the inertia: that
+    changes the rate and leaves M, so what is known there is M.
     """
     coarse, adapts = is_coarse(belief), belief.adaptation.on != 0
     if adapts and coarse:

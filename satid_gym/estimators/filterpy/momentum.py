@@ -188,17 +188,18 @@ class FilterpyMomentumEKF(Reference):
             slope, value = model.measurement_jacobian(point, a, gyro), model.reading(point, a)
             noise = model.measurement_noise(point)
             in_rate = i == 0 and model.rate_coordinates and not self._stepped
-            if in_rate and (iterations == 1 or not self._leaps(slope, gyro - value, noise)):
+            if in_rate and (iterations == 1 or not self._is_nonlinear(slope, gyro - value, noise)):
                 return self._update_rate(gyro, slope, value, noise)
             kf.x, kf.P = prior.copy(), covariance.copy()
             kf.update(gyro, lambda x, s=slope: s, lambda x, s=slope, v=value, c=point: v + s @ (x - c), R=noise)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
 
-    def _leaps(self, slope: np.ndarray, innovation: np.ndarray, noise: np.ndarray) -> bool:
-        """Whether one linear update changes a moment by more than 10 %."""
+    def _is_nonlinear(self, slope: np.ndarray, innovation: np.ndarray, noise: np.ndarray) -> bool:
+        """Whether one linear update leaves a moment with an error beyond the std that it leaves."""
         x, covariance = self.filter.x, self.filter.P
-        change = covariance @ slope.T @ np.linalg.solve(slope @ covariance @ slope.T + noise, innovation)
-        return bool((np.abs(change[3:6]) > 0.1 * x[3:6]).any())
+        gain = covariance @ slope.T @ np.linalg.inv(slope @ covariance @ slope.T + noise)
+        error, left = (gain @ innovation)[3:6] ** 2 / x[3:6], np.diag(covariance - gain @ slope @ covariance)[3:6]
+        return bool((error**2 > left).any())
 
     def update_attitude(self, attitude: np.ndarray) -> float:
         """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
