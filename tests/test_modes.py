@@ -157,7 +157,7 @@ def test_it_is_consistent_where_the_data_sheet_tells_of_the_mode(oscillator, unt
 
 @pytest.mark.compiled
 def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray():
-    """One episode of a hundred, with a frequency three standard deviations off: it restarts, or is overconfident."""
+    """One episode of a hundred, with a frequency three standard deviations off: it restarts, or would not recover."""
 
     def nees(**settings):
         flight = fly(
@@ -170,8 +170,8 @@ def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray():
         )
         return flight.scores()["nees"][0]
 
-    assert nees() < 1.0
-    assert nees(inflate=False) > 2.5
+    assert nees() < 2.0
+    assert nees(inflate=False) > 20.0
 
 
 @pytest.mark.compiled
