@@ -15,14 +15,13 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from satid_gym import metrics
 from satid_gym.config import check_integer, unknown_name
-from satid_gym.core.records import concatenate
+from satid_gym.core.records import InertiaMode, concatenate
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.fleet import Fleet
 from satid_gym.law_ranges import PAPER_LAWS, LawRanges
-from satid_gym.laws import InertiaLaw
 from satid_gym.policy import Policy, observation_settings, only_mission, show_filter
-from satid_gym.resolution import InertiaLike, ScenarioLike, resolve_inertia, resolve_scenario
+from satid_gym.resolution import InertiaLike, ScenarioLike, resolve_scenario
 from satid_gym.reward import RewardSettings
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
@@ -74,7 +73,7 @@ class Flight:
         reward: reward of each decision.
         saturated: share of the wheels that were at their speed limit.
         alive: False after a termination; from then on error keeps its last value, outside is 1 and the rest is 0.
-        step_time: time of the inertia's step, s, if it is the same in all episodes; else None.
+        settled: whether a filter can know the inertia, see `satid_gym.metrics.settled`.
     """
 
     time: np.ndarray
@@ -86,7 +85,7 @@ class Flight:
     reward: np.ndarray
     saturated: np.ndarray
     alive: np.ndarray
-    step_time: float | None
+    settled: np.ndarray
 
     def scores(self) -> dict[str, np.ndarray]:
         """Scores of each episode, (N,) each."""
@@ -97,7 +96,7 @@ class Flight:
             "time_to_1pct_s": metrics.time_to(self.error, self.time),
             "outside_fraction": self.outside.mean(axis=0),
             "information_nats": self.information.sum(axis=0),
-            "nees": metrics.consistency(nees, self.time, self.step_time),
+            "nees": metrics.consistency(nees, self.settled),
             "effort": self.effort.sum(axis=0) / self.alive.sum(axis=0),
             "saturated_fraction": self.saturated.mean(axis=0),
             "reward": self.reward.sum(axis=0),
@@ -158,8 +157,9 @@ def fly(
     names = ("error", "outside", "nees", "information", "effort", "reward", "saturated")
     series = {name: np.zeros((decisions, count)) for name in names}
     alive = np.ones((decisions + 1, count), bool)
+    stepped, turning = np.zeros((2, decisions, count), bool)
     for t in range(decisions):
-        show_filter(policy, *_filters(fleets))
+        show_filter(policy, *_records(fleets, "beliefs", "tasks"))
         observation, rewards, terminated, _, info = env.step(policy(observation))
         now = alive[t]
         series["error"][t] = np.where(now, info["relative_error"], series["error"][t - 1])
@@ -169,27 +169,25 @@ def fly(
         series["effort"][t] = np.where(now, info["effort"], 0.0)
         series["reward"][t] = np.where(now, rewards, 0.0)
         series["saturated"][t] = np.where(now, info["saturated"].mean(axis=1), 0.0)
+        stepped[t], turning[t] = moves(*_records(fleets, "plants", "tasks"))
         alive[t + 1] = now & ~terminated
     env.close()
     time = world.decision_period * np.arange(1, decisions + 1)
-    return Flight(time=time, alive=alive[:-1], step_time=_step_time(inertia, world), **series)
+    settled = metrics.settled(stepped, turning, world.decision_period)
+    return Flight(time=time, alive=alive[:-1], settled=settled, **series)
 
 
-def _filters(fleets: Sequence[Fleet]) -> tuple[np.ndarray, np.ndarray]:
-    """Records of the filters and tasks of all fleets, in order."""
-    beliefs, tasks = ([getattr(fleet.rows, part) for fleet in fleets] for part in ("beliefs", "tasks"))
-    return (beliefs[0], tasks[0]) if len(fleets) == 1 else (concatenate(beliefs), concatenate(tasks))
+def moves(plants: np.ndarray, tasks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the inertia of each plant has stepped since the start, and whether the body turns; (N,) bool both."""
+    steps = np.isin(plants["law"], (InertiaMode.STEP, InertiaMode.RELEASE)) & (plants["law_time"] > 0.0)
+    return steps & (plants["time"] > plants["law_time"]), metrics.turns(plants["rate"], tasks["rate_limit"])
+
+
+def _records(fleets: Sequence[Fleet], *parts: str) -> list[np.ndarray]:
+    """Records of all fleets, in order, part by part."""
+    rows = ([getattr(fleet.rows, part) for fleet in fleets] for part in parts)
+    return [own[0] if len(own) == 1 else concatenate(own) for own in rows]
 
 
 def _same(env: SatInertiaIDEnv) -> SatInertiaIDEnv:
     return env
-
-
-def _step_time(inertia: InertiaLike, scenario: Scenario) -> float | None:
-    """Time of the inertia's step, s, if it is the same in all episodes; else None."""
-    inertia = resolve_inertia(inertia)
-    if isinstance(inertia, InertiaLaw):
-        return inertia.time if inertia.mode == "step" else None
-    if inertia == "step" and scenario.laws.step_time[0] == scenario.laws.step_time[1]:
-        return scenario.laws.step_time[0] * scenario.horizon
-    return None

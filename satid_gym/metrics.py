@@ -11,7 +11,8 @@ import scipy.stats
 FINAL_FRACTION = 0.2  # the paper's window
 BEYOND_MAX = 0.01  # share of the time beyond the envelope, up to which a policy counts as inside it
 _BOOTSTRAP_MIN = 20  # episodes; with fewer, Student's t alone gives the interval
-SETTLING = 10.0  # s after a step of the inertia, left out of the consistency
+SETTLING = 10.0  # s of turning after a step of the inertia, left out of the consistency
+_TURNING = 0.1  # of the rate limit; a reading there says a hundredth of what it says at the limit
 
 
 def relative_error(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -41,12 +42,32 @@ def time_to(error: np.ndarray, time: np.ndarray, threshold: float = 0.01) -> np.
     return np.where(reached.any(axis=0), time[reached.argmax(axis=0)], np.inf)
 
 
-def consistency(nees: np.ndarray, time: np.ndarray, step_time: float | None = None) -> np.ndarray:
-    """Mean NEES per degree of freedom of each episode (N,), without NaN and without the 10 s after a step of J."""
-    keep = np.ones(len(time), bool)
-    if step_time is not None:
-        keep = (time < step_time) | (time > step_time + SETTLING)
-    return np.nanmean(nees[keep], axis=0)
+def turns(rate: np.ndarray, rate_limit: np.ndarray | float) -> np.ndarray:
+    """Whether (...) a body is faster than 10 % of its rate limit, on any axis; a slower one hardly shows a step of J.
+
+    Args:
+        rate: (..., 3) rad/s.
+        rate_limit: (...) or one for all, rad/s.
+    """
+    return np.abs(rate).max(axis=-1) > _TURNING * rate_limit
+
+
+def settled(stepped: np.ndarray, turning: np.ndarray, period: float) -> np.ndarray:
+    """Where (T, N) a filter can know the inertia: before a step, and again after 10 s in which the body turned.
+
+    No reading depends on the inertia of a body at rest, so the clock alone does not tell.
+
+    Args:
+        stepped: (T, N) whether the inertia has stepped.
+        turning: (T, N) whether the body `turns`.
+        period: s from one row to the next.
+    """
+    return ~stepped | (period * np.cumsum(stepped & turning, axis=0) > SETTLING)
+
+
+def consistency(nees: np.ndarray, settled: np.ndarray) -> np.ndarray:
+    """Mean NEES per degree of freedom (N,) of each episode where it is `settled`, without NaN; (T, N) both."""
+    return np.nanmean(np.where(settled, nees, np.nan), axis=0)
 
 
 def beyond_envelope(outside_fraction: float, saturated_fraction: float) -> float:

@@ -9,6 +9,7 @@ import scipy.stats
 import satid_gym
 from satid_gym import metrics
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
+from satid_gym.laws import InertiaLaw
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from tests.cases import cases
@@ -52,20 +53,28 @@ def test_time_to():
     np.testing.assert_array_equal(metrics.time_to(error, np.array([1.0, 2.0, 3.0])), [2.0, np.inf, 1.0])
 
 
-def test_consistency_leaves_out_what_follows_a_step():
-    time = np.arange(1.0, 31.0)
-    nees = np.where((time >= 12.0) & (time <= 21.0), 100.0, 1.0)[:, None]
-    assert metrics.consistency(nees, time, 11.5) == pytest.approx(1.0)
-    assert metrics.consistency(nees, time) == pytest.approx((10 * 100.0 + 20.0) / 30.0)
-    nees[25:] = np.nan
-    assert metrics.consistency(nees, time, 11.5) == pytest.approx(1.0)
+def test_ten_seconds_of_turning_after_a_step_are_left_out():
+    """Step before the end of row 11; in the second episode the body rests in rows 13 to 17."""
+    stepped, turning = np.zeros((30, 2), bool), np.ones((30, 2), bool)
+    stepped[11:], turning[13:18, 1] = True, False
+    first, second = metrics.settled(stepped, turning, 1.0).T
+    assert list(np.flatnonzero(~first)) == list(range(11, 21))
+    assert list(np.flatnonzero(~second)) == list(range(11, 26))
+    assert list(np.flatnonzero(~metrics.settled(stepped, turning, 5.0)[:, 0])) == [11, 12]
+    assert not metrics.settled(stepped, np.zeros_like(turning), 1.0)[11:].any()
 
 
-def test_ten_seconds_from_the_step_on_are_left_out():
-    """Step at 11 s: what counts is up to 10 s, and from 22 s on."""
-    time, nees = np.arange(1.0, 31.0), np.ones((30, 1))
-    nees[10:21], nees[21] = 100.0, 20.0
-    assert metrics.consistency(nees, time, 11.0) == pytest.approx((18.0 + 20.0) / 19.0)
+def test_a_body_turns_from_a_tenth_of_its_rate_limit_on():
+    rate = np.array([[0.0, -0.06, 0.0], [0.049, 0.049, 0.049], [0.06, 0.0, 0.0]])
+    assert metrics.turns(rate, 0.5).tolist() == [True, False, True]
+    assert metrics.turns(rate, np.array([0.5, 0.4, 0.7])).tolist() == [True, True, False]
+
+
+def test_consistency_is_the_mean_where_it_is_settled():
+    settled = np.ones((4, 2), bool)
+    settled[1, 0] = False
+    nees = np.array([[1.0, 1.0], [100.0, 2.0], [2.0, 3.0], [np.nan, 6.0]])
+    np.testing.assert_allclose(metrics.consistency(nees, settled), [1.5, 3.0])
 
 
 def test_interquartile_mean():
@@ -251,7 +260,7 @@ def test_scores_by_hand():
     alive[5:, 1] = False
     flight = Flight(
         time=np.arange(1.0, 11.0), error=error, outside=0.25 * ones, nees=2.0 * ones, information=3.0 * ones,
-        effort=np.where(alive, 0.5, 0.0), reward=ones, saturated=zeros, alive=alive, step_time=None,
+        effort=np.where(alive, 0.5, 0.0), reward=ones, saturated=zeros, alive=alive, settled=np.ones((10, 2), bool),
     )  # fmt: skip
     expected = {
         "final_error": [0.015, 0.0075],
@@ -271,14 +280,21 @@ def test_scores_by_hand():
         np.testing.assert_allclose(scores[name], values, err_msg=name)
 
 
-@cases(
-    ("inertia", "scenario", "time"),
-    [("step", benchmark_scenario(), 150.0), ("step", "default", None), ("drift", benchmark_scenario(), None)],
-)
+@cases("inertia", ["step", "release"])
 @pytest.mark.compiled
-def test_step_time_is_known_where_all_episodes_share_it(inertia, scenario, time):
-    flight = fly(Constant(0.0, 0.0, 0.0), satellite="smallsat", inertia=inertia, seeds=[0, 1], scenario=scenario)
-    assert flight.step_time == time
+def test_a_body_that_turns_is_settled_again_ten_seconds_after_its_step(inertia):
+    """Each episode with a step time of its own."""
+    flight = fly(Constant(0.5, 0.5, -0.5), satellite="smallsat", inertia=inertia, seeds=[0, 1], control="rate")
+    unsettled = [flight.time[~own] for own in flight.settled.T]
+    assert [np.ptp(own) for own in unsettled] == [9.0, 9.0]  # ten decisions
+    assert unsettled[0][0] != unsettled[1][0]
+    assert all(90.0 < own[0] < 212.0 for own in unsettled)  # step_time of LawRanges: 0.3 to 0.7 of 300 s
+
+
+@cases("inertia", ["static", "drift", InertiaLaw("step", size=0.05, time=0.0)])
+@pytest.mark.compiled
+def test_a_body_that_rests_is_settled_where_nothing_steps_in_flight(inertia):
+    assert fly(Constant(0.0, 0.0, 0.0), satellite="smallsat", inertia=inertia, seeds=[0]).settled.all()
 
 
 def test_a_mission_holds_what_is_known_before_the_flight():

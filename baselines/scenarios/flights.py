@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from satid_gym import metrics
+from satid_gym.evaluation import moves
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import COSTS
-from satid_gym.metrics import SETTLING
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.satellite import Satellite
 from satid_gym.vector import SatInertiaIDVectorEnv
-
-_AT_REST = 0.01  # of the rate limit, the fastest rate of a body at rest, whose readings do not show a step
 
 Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
 
@@ -36,9 +35,8 @@ class Flown:
         expected: relative error that the filter expects, geometric mean over the inertia's parameters and mean over
             the flight; infinite where it ended early.
         error: relative error at the end, or when it ended.
-        nees: normalised estimation error squared, mean over the time that was flown. The 10 s after a step of the
-            inertia are left out, as in `satid_gym.metrics.consistency`, but here it is time in which the body turns
-            that counts: at rest no reading shows a step.
+        nees: normalised estimation error squared, mean over the time that was flown and in which a filter can know the
+            inertia (`satid_gym.metrics.settled`).
         costs: (N, costs) mean over the time that was flown, of which the decision that ended it is part.
         terminated: whether it ended early; no cost says so.
         expected_at_end: relative error that the filter expects then; infinite where it ended early.
@@ -79,10 +77,10 @@ def flown(
     observation, info = env.reset(seed=list(seeds))
     count, steps = len(seeds), env.problem.scenario.decisions
     alive, error = np.ones(count, bool), np.zeros(count)
-    expected, nees, costs = np.zeros(count), np.zeros(count), np.zeros((count, len(COSTS)))
-    now, lived, judged = np.zeros(count), np.zeros(count), np.zeros(count)
-    turned = np.zeros(count)  # s of turning since the inertia stepped
-    for _ in range(steps):
+    expected, costs = np.zeros(count), np.zeros((count, len(COSTS)))
+    now, lived, nees = np.zeros(count), np.zeros(count), np.full((steps, count), np.nan)
+    stepped, turning = np.zeros((2, steps, count), bool)
+    for t in range(steps):
         if told is not None:
             observation = told(env, observation)
         show_filter(policy, env.fleet.rows.beliefs, env.fleet.rows.tasks)
@@ -91,23 +89,13 @@ def flown(
         error = np.where(alive, unit_free_error(env.fleet), error)
         now = np.where(alive, expected_error(env), np.inf)
         expected += now / steps
-        stepped = env.fleet.rows.plants["stepped"] == 1
-        turned += env.problem.scenario.decision_period * (stepped & _turns(env))
-        settled = alive & (~stepped | (turned > SETTLING))
-        judged += settled
-        nees += np.where(settled, info["nees"], 0.0)
+        stepped[t], turning[t] = moves(env.fleet.rows.plants, env.fleet.rows.tasks)
+        nees[t, alive] = info["nees"][alive]
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
         alive &= ~terminated
     env.close()
-    return Flown(
-        expected, error, nees / np.maximum(judged, 1), costs / lived[:, None], ~alive, np.where(alive, now, np.inf)
-    )
-
-
-def _turns(env: SatInertiaIDVectorEnv) -> np.ndarray:
-    """Whether (N,) the body is not at rest."""
-    rows = env.fleet.rows
-    return np.abs(rows.plants["rate"]).max(axis=1) > _AT_REST * rows.tasks["rate_limit"]
+    consistency = metrics.consistency(nees, metrics.settled(stepped, turning, env.problem.scenario.decision_period))
+    return Flown(expected, error, consistency, costs / lived[:, None], ~alive, np.where(alive, now, np.inf))
 
 
 def expected_error(env: SatInertiaIDVectorEnv) -> np.ndarray:

@@ -112,17 +112,15 @@ def scores(flight: Flight, over: float) -> dict[str, float | None]:
         over: duration of the faults, s.
 
     Returns:
-        final_error: mean. nees_before, nees_during, nees_after: mean over episodes that still run, from 60 s to the
-        onset, from there to the end of the fault, and from 10 s after that on, without the 10 s after a step of the
-        inertia; None for an empty interval. nees_worst: 95 % quantile of the episodes' means of nees_after.
+        final_error: mean. nees_before, nees_during, nees_after: mean over episodes that still run and are `settled`,
+        from 60 s to the onset, from there to the end of the fault, and from 10 s after that on; None for an empty
+        interval. nees_worst: 95 % quantile of the episodes' means of nees_after.
         recovery_s, recovery_s_95: median and 95 % quantile of `recovery`, None if infinite. outside, terminated:
         shares.
     """
     time, onset = flight.time, _ONSET * flight.time[-1]
     end = onset + over
-    nees = np.where(flight.alive, flight.nees, np.nan)
-    if flight.step_time is not None:  # as in metrics.consistency
-        nees[(time >= flight.step_time) & (time <= flight.step_time + SETTLING)] = np.nan
+    nees = np.where(flight.alive & flight.settled, flight.nees, np.nan)
     windows = {
         "before": (time > 60.0) & (time <= onset),
         "during": (time > onset) & (time <= end),

@@ -25,6 +25,7 @@ from satid_gym.estimators import AdaptiveEKF
 from satid_gym.estimators.inertia import inertia_parameters, inertia_tensors
 from satid_gym.evaluation import benchmark_scenario, seeds
 from satid_gym.files import check_writable, write_json
+from satid_gym.law_ranges import PAPER_LAWS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.registry import BASELINES, make_baseline
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
@@ -75,11 +76,12 @@ def filtered(settings: dict[str, float], satellite: str, recording: Recording, m
         error[:, i] = metrics.relative_error(inertia_tensors(run.inertia), recording.motion.inertia[i])
         solved = np.linalg.solve(run.inertia_covariance, apart[:, :, None])[:, :, 0]
         nees[:, i] = (apart * solved).sum(axis=1) / truth.shape[2]
-    step_time = 0.5 * time[-1] if mode == "step" else None
+    stepped = np.full(nees.shape, mode == "step") & (time > PAPER_LAWS.step_time[0] * time[-1])[:, None]
+    turning = metrics.turns(recording.motion.rate, SATELLITES[satellite].rate_limit).T
     return {
         "final_error": float(metrics.final_error(error).mean()),
         "mean_error": float(metrics.mean_error(error).mean()),
-        "nees": float(np.mean(metrics.consistency(nees[1:], time[1:], step_time))),
+        "nees": float(np.mean(metrics.consistency(nees[1:], metrics.settled(stepped, turning, dt)[1:]))),
     }
 
 
