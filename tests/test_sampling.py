@@ -107,6 +107,5 @@ def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, capsys):
     both = json.loads(file.read_text())
     assert [cell["world"] for cell in both["cells"]] == ["as nominal", "1 kg m^2", "horizon 30 s"]
     flown = {cell["world"]: cell for cell in first["cells"]}
-    assert both["cells"][0] == {"revision": first["revision"], **flown["as nominal"]}
-    assert both["cells"][1] == flown["1 kg m^2"]
+    assert both["cells"][:2] == [flown["as nominal"], flown["1 kg m^2"]]
     capsys.readouterr()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from baselines.studies.consistency import ConsistencyStudy
+from baselines.studies.consistency import ConsistencyStudy, cell
 from baselines.studies.consistency import main as consistency_main
 from baselines.studies.recording import record
 from satid_gym import SATELLITES, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario, Sensors, Tolerances, simulate
@@ -338,6 +338,37 @@ def test_the_study_keeps_the_cells_of_other_worlds(tmp_path):
     assert consistency_main(ConsistencyStudy(worlds=("integrating gyro",), merge=True, **settings)) == 0
     second = json.loads(settings["output"].read_text())
     assert second["settings"]["worlds"] == ["as nominal", "integrating gyro"]
-    assert second["cells"] == [{"revision": first["revision"], **first["cells"][0]}, first["cells"][1]]
-    with pytest.raises(ValueError, match="has 3 episodes a cell: leave --merge out"):
+    assert second["cells"] == first["cells"]
+    with pytest.raises(ValueError, match="was flown with episodes = 3: leave --merge out"):
         consistency_main(ConsistencyStudy(worlds=("as nominal",), merge=True, **{**settings, "episodes": 2}))
+
+
+@pytest.mark.parametrize(("revision", "again"), [("a1", 1), ("a1-dirty", 2), ("unknown", 2)])
+def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkeypatch, revision, again):
+    """Without --merge, cells of another revision do not stay."""
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda: revision)
+    settings = {"policies": ("zero",), "satellites": ("cubesat",), "inertias": ("static",), "episodes": 2}
+    worlds, output = ("as nominal", "integrating gyro"), tmp_path / "consistency.json"
+    flown, stop = [], 2
+
+    def fly_until_stopped(*arguments):
+        flown.append(arguments)
+        if len(flown) == stop:
+            raise KeyboardInterrupt
+        return cell(*arguments)
+
+    monkeypatch.setattr("baselines.studies.consistency.cell", fly_until_stopped)
+    study = ConsistencyStudy(worlds=worlds, output=output, **settings)
+    with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+        consistency_main(study)
+    (first,) = json.loads(output.read_text())["cells"]
+    assert first["revision"] == revision
+    flown, stop = [], None
+    assert consistency_main(study) == 0
+    assert len(flown) == again
+    both = json.loads(output.read_text())["cells"]
+    assert [own["world"] for own in both] == list(worlds)
+    assert both[0] == first
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda: "b2")
+    assert consistency_main(ConsistencyStudy(worlds=worlds[1:], output=output, **settings)) == 0
+    assert [own["revision"] for own in json.loads(output.read_text())["cells"]] == ["b2"]

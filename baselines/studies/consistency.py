@@ -4,11 +4,12 @@ Flies policies in worlds whose data sheet tells of an error or of friction, wher
 of sampling, size and horizon, and prints final error and NEES: the mean normalised estimation error squared per degree
 of freedom, over episodes and time, of which a consistent filter has about 1. With --no-calibrate the same flights are
 estimated as if everything were nominal.
+
+Each cell is in the file as soon as it is flown: stopped, the same command of the same revision goes on.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,10 @@ from satid_gym.laws import INERTIA_MODES, MASS_MODES
 from satid_gym.policies.registry import BASELINES
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
+
+_SAME = ("episodes", "split", "tilt", "estimator", "calibrate", "flexible", "announced", "rate_coordinates")
+
+Place = tuple[str, str, str, str]  # world, policy, satellite, inertia mode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,22 +120,34 @@ def cell(study: ConsistencyStudy, world: str, policy: str, satellite: Satellite,
     }
 
 
-def kept_cells(study: ConsistencyStudy, flown: set[tuple[str, ...]]) -> list[dict[str, Any]]:
-    """Cells of the study's file that are not among those flown, each with the revision that flew it.
+def earlier(study: ConsistencyStudy) -> dict[Place, dict[str, Any]]:
+    """Cells that the study's file has already, each with the revision that flew it.
 
     Raises:
-        ValueError: the file is not that of a study of as many episodes.
+        ValueError: `merge`, and the file is missing, damaged or of a study with other settings.
     """
     remedy = "leave --merge out"
-    old = read_json(study.output, remedy, keys=("revision", "settings", "cells"))
-    if old["settings"]["episodes"] != study.episodes:
-        raise ValueError(f"{study.output} has {old['settings']['episodes']} episodes a cell: {remedy}")
-    for name in ("split", "tilt", "estimator", "calibrate", "flexible", "announced", "rate_coordinates"):
-        own = getattr(study, name)
-        if old["settings"].get(name, own) != own:
-            raise ValueError(f"{study.output} was flown with {name} = {old['settings'][name]}: {remedy}")
-    cells = [{"revision": old["revision"], **own} for own in old["cells"]]
-    return [own for own in cells if (own["world"], own["satellite"], own["inertia"], own["policy"]) not in flown]
+    try:
+        old = read_json(study.output, remedy, keys=("revision", "settings", "cells"))
+        for name in (
+            "episodes",
+            "split",
+            "tilt",
+            "estimator",
+            "calibrate",
+            "flexible",
+            "announced",
+            "rate_coordinates",
+        ):
+            own = getattr(study, name)
+            if old["settings"].get(name, own) != own:
+                raise ValueError(f"{study.output} was flown with {name} = {old['settings'][name]}: {remedy}")
+    except ValueError:
+        if study.merge:
+            raise
+        return {}
+    cells = ({"revision": old["revision"], **own} for own in old["cells"])
+    return {(own["world"], own["policy"], own["satellite"], own["inertia"]): own for own in cells}
 
 
 def show(rows: list[dict[str, Any]]) -> None:
@@ -143,27 +160,31 @@ def show(rows: list[dict[str, Any]]) -> None:
         print(f"{world:24s} {policy:14s} {spread:>20s} {f'{min(nees):.2f} to {max(nees):.2f}':>16s}")
 
 
-@cli.on_interrupt("no file is written")
+@cli.on_interrupt("the cells flown so far are in the output file; the same command goes on")
 def main(study: ConsistencyStudy) -> int:
     """Fly the study of the command line; returns the exit code."""
     check_writable(study.output.parent)
-    chosen = [
-        (world, policy, satellite, inertia)
+    chosen = {
+        (world, policy, satellite.name, inertia): satellite
         for world in study.worlds
         for policy in study.policies
         for satellite in study.satellites_of(world)
         for inertia in study.inertias
-    ]
-    places = {(world, satellite.name, inertia, policy) for world, policy, satellite, inertia in chosen}
-    kept = kept_cells(study, places) if study.merge else []
-    rows = [cell(study, *own) for own in tqdm(chosen, desc="consistency", unit="cell")]
-    cells = [*kept, *rows]
-    flown = dataclasses.replace(study, worlds=tuple(dict.fromkeys(own["world"] for own in cells)))
-    head = result_head(
-        "baselines.studies.consistency", flown, split=study.split, seeds=seeds(study.split, study.episodes)
-    )
-    write_json(study.output, {**head, "cells": cells})
-    show(rows)
+    }
+    used = seeds(study.split, study.episodes)
+    head = result_head("baselines.studies.consistency", study, split=study.split, seeds=used)
+    old, now = earlier(study), head["revision"]
+    lasting = now != "unknown" and not now.endswith("-dirty")
+    done = {place for place, own in old.items() if lasting and own["revision"] == now}
+    cells = {place: own for place, own in old.items() if place in done or study.merge}
+    missing = [place for place in chosen if place not in done]
+    for place in tqdm(missing, desc="consistency", unit="cell", initial=len(chosen) - len(missing), total=len(chosen)):
+        world, policy, _, inertia = place
+        cells.pop(place, None)
+        cells[place] = {"revision": now, **cell(study, world, policy, chosen[place], inertia)}
+        head["settings"]["worlds"] = list(dict.fromkeys(own["world"] for own in cells.values()))
+        write_json(study.output, {**head, "cells": list(cells.values())})
+    show([cells[place] for place in chosen])
     return 0
 
 
