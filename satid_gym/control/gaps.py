@@ -42,6 +42,15 @@ class Gaps:
         """Begin that many episodes."""
         self._side = np.ones(episodes)
 
+    @property
+    def memory(self) -> tuple[np.ndarray, ...]:
+        """All that is kept of the episodes, arrays of N rows."""
+        return (self._side,)
+
+    @memory.setter
+    def memory(self, memory: tuple[np.ndarray, ...]) -> None:
+        (self._side,) = memory
+
     def __call__(self, observation: np.ndarray, excitation: np.ndarray) -> np.ndarray:
         """Action (N, 3) for observations (N, size) and what is flown (N, 3) where there is time for it."""
         guide = self._pointing

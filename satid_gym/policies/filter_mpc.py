@@ -72,10 +72,10 @@ class FilterMPCPolicy:
             ValueError: the environment takes torques, or its filter is not a MomentumEKF.
         """
         if mission.control != "rate":
-            raise ValueError('filter_mpc commands body rates: make the environment with control="rate"')
+            raise ValueError(f'{self.name} commands body rates: make the environment with control="rate"')
         if not isinstance(mission.estimator, MomentumEKFSettings):
             raise ValueError(
-                f"filter_mpc rehearses with the MomentumEKF, and the filter is {type(mission.estimator).__name__}: "
+                f"{self.name} rehearses with the MomentumEKF, and the filter is {type(mission.estimator).__name__}: "
                 'make the environment with estimator="momentum", or fly swing_and_stop, shaped_square or rate_square'
             )
         world, tracker, n = mission.scenario, mission.satellite.sensors.star_tracker, len(seeds)
@@ -105,19 +105,38 @@ class FilterMPCPolicy:
         Raises:
             RuntimeError: `see` was not called since the last decision.
         """
+        flights = self._flown()
+        return self._planned(flights, np.empty((len(flights.beliefs), 0, self._ahead, 3)))
+
+    @property
+    def _ahead(self) -> int:
+        """Decisions of the plan."""
+        return max(2, min(self.horizon, self._left))
+
+    def _flown(self) -> Flights:
+        """What was seen for this decision.
+
+        Raises:
+            RuntimeError: nothing was.
+        """
         if not self._seen:
             raise RuntimeError(
-                "filter_mpc plans with the filter's records: call satid_gym.policy.show_filter before each decision, "
+                f"{self.name} plans with the filter's records: call satid_gym.policy.show_filter before each decision, "
                 "or fly it by a Pilot, by `satid fly`, satid_gym.evaluation.fly or baselines.scenarios.gate"
             )
-        ahead, shares = max(2, min(self.horizon, self._left)), self._shares
+        self._seen = False
+        return self._flights
+
+    def _planned(self, flights: Flights, proposals: np.ndarray) -> np.ndarray:
+        """Action (N, 3) of the best plan found, of the last one, proposals (N, K, H, 3) and their edits."""
+        ahead, shares = self._ahead, self._shares
         plans = self._plans[:, :ahead].copy()
-        trails = Trail.of(self._flights, ahead), Trail.of(self._flights, ahead)
+        trails = Trail.of(flights, ahead + 1), Trail.of(flights, ahead + 1)
         search = Search(self.edits * (_FIRST if self._first else 1), self.tail, self.caution)
-        improve_rehearsed(self._flights, plans, shares, trails, _scratch(self._flights), self._streams, search)
+        improve_rehearsed(flights, plans, proposals, shares, trails, scratch_of(flights), self._streams, search)
         self._plans[:, :ahead] = plans
         self._plans[:, :-1] = self._plans[:, 1:]
-        self._left, self._first, self._seen = self._left - 1, False, False
+        self._left, self._first = self._left - 1, False
         return plans[:, 0] * shares
 
     def rehearse(self, plans: np.ndarray) -> list[Trail]:
@@ -126,8 +145,9 @@ class FilterMPCPolicy:
         trails, streams = [], np.zeros((1, 4), np.uint64)
         for i, plan in enumerate(plans):
             one = Flights(*(part[i : i + 1].copy() for part in flights))
-            trails.append(Trail.of(flights, len(plan)))
-            improve_rehearsed(one, plan[None], np.ones(3), (trails[-1], Trail.of(one, 1)), _scratch(one), streams, none)
+            trails.append(Trail.of(flights, len(plan) + 1))
+            own, other = (trails[-1], Trail.of(one, 2)), np.empty((1, 0, len(plan), 3))
+            improve_rehearsed(one, plan[None], other, np.ones(3), own, scratch_of(one), streams, none)
         return trails
 
 
@@ -144,6 +164,7 @@ def _lengthen(flights: Flights, stride: int) -> None:
     flights.tasks["samples"] //= stride
 
 
-def _scratch(flights: Flights) -> Scratch:
+def scratch_of(flights: Flights) -> Scratch:
+    """Scratch space for the rehearsals of flights."""
     p = flights.beliefs["prior_theta"].shape[1]
     return Scratch(new_work(flights.beliefs), np.zeros(3), np.zeros(room(flights)[0]), np.zeros(4), np.zeros((p, p)))

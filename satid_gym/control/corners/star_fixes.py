@@ -43,6 +43,15 @@ class StarFixes:
         self._fixed = np.zeros((episodes, 1), bool)
         self.turn, self.squares = np.zeros((episodes, 3)), np.zeros((episodes, 3))
 
+    @property
+    def memory(self) -> tuple[np.ndarray, ...]:
+        """All that is kept of the episodes, arrays of N rows."""
+        return self._fixed, self.turn, self.squares
+
+    @memory.setter
+    def memory(self, memory: tuple[np.ndarray, ...]) -> None:
+        self._fixed, self.turn, self.squares = memory
+
     def update(self, observation: np.ndarray) -> None:
         """Add this decision's observations (N, size)."""
         age, rate = (observation[:, self._layout[name]].astype(float) for name in ("attitude_age", "rate"))

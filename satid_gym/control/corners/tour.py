@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,11 +29,26 @@ from satid_gym.policy import Mission
 
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
+_SLOW = 0.5  # of the rate limit, below which an axis turns to no side
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
 _MORE = ("state_uncertainty", "state_correlation", "inertia_walk", "window", "target")  # where they are observed
 Score = Callable[[np.ndarray], np.ndarray]
 """Scores (N, 8) of corners by their features (N, 8, features)."""
+
+
+class Memory(NamedTuple):
+    """What a tour remembers of N episodes: side and wait (N, 3) of each axis, star fixes, and gaps between windows."""
+
+    side: np.ndarray
+    waited: np.ndarray
+    fixes: tuple[np.ndarray, ...]
+    gaps: tuple[np.ndarray, ...]
+
+    def take(self, rows: np.ndarray) -> Memory:
+        """Memory of the episodes of these numbers."""
+        fixes, gaps = (tuple(part[rows] for part in parts) for parts in (self.fixes, self.gaps))
+        return Memory(self.side[rows], self.waited[rows], fixes, gaps)
 
 
 class CornerTour:
@@ -102,6 +118,28 @@ class CornerTour:
         if self._gaps is not None:
             self._gaps.begin(episodes)
 
+    @property
+    def memory(self) -> Memory:
+        """What is remembered of the episodes."""
+        fixes = () if self._fixes is None else self._fixes.memory
+        return Memory(self.side, self._waited, fixes, () if self._gaps is None else self._gaps.memory)
+
+    @memory.setter
+    def memory(self, memory: Memory) -> None:
+        self.side, self._waited = memory.side, memory.waited
+        if self._fixes is not None:
+            self._fixes.memory = memory.fixes
+        if self._gaps is not None:
+            self._gaps.memory = memory.gaps
+
+    def note(self, memory: Memory, action: np.ndarray) -> None:
+        """Remember that rates (N, 3) were flown other than those chosen; `memory` is of before the choice.
+
+        Axes slower than half of their limit keep their side.
+        """
+        self.side, self._waited = memory.side, memory.waited
+        self._turn(np.where(np.abs(action) > _SLOW, np.sign(action), self.side))
+
     def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
         """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
         corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
@@ -129,10 +167,14 @@ class CornerTour:
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
-        self.side = CORNERS[best]
-        self._waited = np.where(reverses[episodes, best], 0.0, self._waited) + self._world.decision_period
+        self._turn(CORNERS[best])
         action = corners[episodes, best]
         return action if self._gaps is None else self._gaps(observation, action)
+
+    def _turn(self, side: np.ndarray) -> None:
+        """Note that the axes turn to these sides (N, 3) now."""
+        self._waited = np.where(side != self.side, 0.0, self._waited) + self._world.decision_period
+        self.side = side
 
     def _waits(self, reverses: np.ndarray) -> np.ndarray:
         """Waits (N, 8) over the hold of the axes (N, 8, 3) that reverse, -1 each that has not waited so long."""

@@ -53,13 +53,13 @@ class Flights(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """Plan's flight by decision: row d is what decision d begins with, the last what the plan ends with.
+    """Rehearsals, R of them; of a plan of H decisions R = H + 1: row d is what decision d begins with.
 
     Attributes:
-        beliefs, tasks, trackers: (H + 1,) as in `Flights`.
-        spins: (H + 1, n) momentum of each wheel about its axis, N m s.
-        doubles: (H + 1, modes, 2, 3) see `mode_doubles`.
-        losses: (H + 1,) sum over decisions of the error that the filter expects, more where the body bends too far.
+        beliefs, tasks, trackers: (R,) as in `Flights`.
+        spins: (R, n) momentum of each wheel about its axis, N m s.
+        doubles: (R, modes, 2, 3) see `mode_doubles`.
+        losses: (R,) sum over decisions of the error that the filter expects, more where the body bends too far.
     """
 
     beliefs: np.ndarray
@@ -70,9 +70,9 @@ class Trail(NamedTuple):
     losses: np.ndarray
 
     @classmethod
-    def of(cls, flights: Flights, ahead: int) -> Trail:
-        """Room for a plan of `ahead` decisions."""
-        count, (wheels, oscillators) = ahead + 1, room(flights)
+    def of(cls, flights: Flights, count: int) -> Trail:
+        """Room for that many rows."""
+        wheels, oscillators = room(flights)
         return cls(
             beliefs=np.empty(count, flights.beliefs.dtype),
             tasks=np.empty(count, flights.tasks.dtype),
@@ -184,18 +184,36 @@ def _rehearse_stars(belief, task, tracker, omega, time, scratch):
 
 
 @outline
-def begin(trail, flights, i, caution):
-    """Write the first row of a trail: flight i."""
-    trail.beliefs[0], trail.tasks[0], trail.trackers[0] = flights.beliefs[i], flights.tasks[i], flights.trackers[i]
-    belief, task = trail.beliefs[0], trail.tasks[0]
+def begin(trail, row, flights, i, caution):
+    """Write a row of a trail: flight i as it is."""
+    trail.beliefs[row], trail.tasks[row] = flights.beliefs[i], flights.tasks[i]
+    belief, task = trail.beliefs[row], trail.tasks[row]
     omega = filters.rate(belief)
     for k in range(trail.spins.shape[1]):
-        trail.spins[0, k] = belief.wheel_inertia[k] * (belief.speed[k] + along_axis(belief.axes, k, omega))
+        trail.spins[row, k] = belief.wheel_inertia[k] * (belief.speed[k] + along_axis(belief.axes, k, omega))
     if belief.attitude.on != 0:
         is_tracking(belief, task, flights.trackers[i], omega, _time(task, 0))
-        trail.trackers[0] = flights.trackers[i]
-    mode_doubles.begin(belief, trail.doubles[0], caution)
-    trail.losses[0] = 0.0
+    trail.trackers[row] = flights.trackers[i]
+    mode_doubles.begin(belief, trail.doubles[row], caution)
+    trail.losses[row] = 0.0
+
+
+@outline
+def decide(trail, row, action, scratch):
+    """Move a row of a trail on by a decision for rates (3,) over their limit; returns what the decision loses."""
+    belief, task, spin, bent = trail.beliefs[row], trail.tasks[row], trail.spins[row], 0.0
+    write_speeds(belief, spin, filters.rate(belief), scratch.tachometer)
+    for i in range(3):
+        task.tracking.reference[i] = action[i] * task.rate_limit
+    for sample in range(task.samples):
+        before = filters.rate(belief)
+        omega = _rehearse_sample(belief, task, spin, scratch)
+        _rehearse_stars(belief, task, trail.trackers[row], omega, _time(task, sample + 1), scratch)
+        turned = subtract(filters.rate(belief), before)
+        farthest = mode_doubles.bend(belief, trail.doubles[row], turned, task.sample_period)
+        bent = max(bent, max(farthest, modes.bend(belief)) - 1.0)
+    task.decision += 1
+    return _expected_error(belief, scratch) * (1.0 + _BEYOND * bent)
 
 
 @outline
@@ -206,20 +224,7 @@ def fly(trail, plan, first, worst, scratch):
         trail.beliefs[d + 1], trail.tasks[d + 1] = trail.beliefs[d], trail.tasks[d]
         trail.trackers[d + 1], trail.spins[d + 1] = trail.trackers[d], trail.spins[d]
         trail.doubles[d + 1] = trail.doubles[d]
-        belief, task, spin, bent = trail.beliefs[d + 1], trail.tasks[d + 1], trail.spins[d + 1], 0.0
-        omega = filters.rate(belief)
-        write_speeds(belief, spin, omega, scratch.tachometer)
-        for i in range(3):
-            task.tracking.reference[i] = plan[d, i] * task.rate_limit
-        for sample in range(task.samples):
-            before = filters.rate(belief)
-            omega = _rehearse_sample(belief, task, spin, scratch)
-            _rehearse_stars(belief, task, trail.trackers[d + 1], omega, _time(task, sample + 1), scratch)
-            turned = subtract(filters.rate(belief), before)
-            farthest = mode_doubles.bend(belief, trail.doubles[d + 1], turned, task.sample_period)
-            bent = max(bent, max(farthest, modes.bend(belief)) - 1.0)
-        task.decision += 1
-        trail.losses[d + 1] = trail.losses[d] + _expected_error(belief, scratch) * (1.0 + _BEYOND * bent)
+        trail.losses[d + 1] = trail.losses[d] + decide(trail, d + 1, plan[d], scratch)
         if trail.losses[d + 1] > worst:
             trail.losses[ahead] = trail.losses[d + 1]
             return

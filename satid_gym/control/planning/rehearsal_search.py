@@ -87,14 +87,17 @@ def _edit(plan, stars, stream):
 
 
 @kernel
-def improve_rehearsed(flights, plans, shares, trails, scratch, streams, search):
-    """Lessen what plans (N, H, 3) of rates, over those allowed, promise to lose: one edit after another is kept.
+def improve_rehearsed(flights, plans, proposals, shares, trails, scratch, streams, search):
+    """Lessen what plans (N, H, 3) of rates, over those allowed, promise to lose: what loses less is kept.
+
+    Proposals are tried, and then one edit after another.
 
     Args:
         flights: `Flights`; since when their trackers track is written.
         plans: in [-1, 1], written.
+        proposals: (N, K, H, 3) other plans.
         shares: (3,) of the rate limit that is allowed about each axis.
-        trails: two `Trail` of H decisions.
+        trails: two `Trail` of H + 1 rows.
         scratch: `Scratch`.
         streams: (N, 4) of random numbers.
         search: `Search`.
@@ -103,12 +106,15 @@ def improve_rehearsed(flights, plans, shares, trails, scratch, streams, search):
     ahead = plans.shape[1]
     for i in range(plans.shape[0]):
         plan, trial = plans[i], plans[i].copy()
-        begin(trail, flights, i, search.caution)
+        begin(trail, 0, flights, i, search.caution)
         fly(trail, plan * shares, 0, np.inf, scratch)
         best = trail.losses[ahead] + search.tail * (trail.losses[ahead] - trail.losses[ahead - 1])
-        for _ in range(search.edits):
-            trial[:] = plan
-            _edit(trial, trail.beliefs[0].attitude.on != 0, streams[i])
+        for k in range(proposals.shape[1] + search.edits):
+            if k < proposals.shape[1]:
+                trial[:] = proposals[i, k]
+            else:
+                trial[:] = plan
+                _edit(trial, trail.beliefs[0].attitude.on != 0, streams[i])
             first = 0  # until then the trial is the plan
             while first < ahead and (trial[first] == plan[first]).all():
                 first += 1

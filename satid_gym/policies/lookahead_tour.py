@@ -1,0 +1,113 @@
+"""Learned tour that looks ahead: each corner is tried in rehearsal, with the tour from there on, and the best is flown.
+
+A tour of corners decides by a learned score of what is observed. Here the filter that flies rehearses what would come
+of each corner (`control.planning.rehearsal`), the tour deciding all that follows; the corner that promises to lose the
+least is flown. That is one step of policy improvement: but for what a rehearsal does not foresee, the result is no
+worse than the tour. What follows holds slews to imaging windows too, so that excitation before a slew takes account of
+it. With `edits`, the best of these plans is one that `filter_mpc` improves further.
+Source: Bertsekas, Rollout, Policy Iteration, and Distributed Reinforcement Learning (2020), ch. 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from satid_gym.config import check_integer
+from satid_gym.control.corners.tour import CORNERS, CornerTour
+from satid_gym.control.planning.rehearsal import Flights, Trail
+from satid_gym.control.planning.rollout import begin_rollouts, roll_out
+from satid_gym.policies.filter_mpc import FilterMPCPolicy, scratch_of
+from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.shipped import find
+from satid_gym.policy import Kind, Mission
+
+_CHOICES = len(CORNERS)
+
+
+class LookaheadTourPolicy(FilterMPCPolicy):
+    """Learned tour with a look ahead; for control "rate" and the MomentumEKF.
+
+    Args:
+        tour: learned policy that scores corners, by name, path or itself.
+        horizon: decisions ahead.
+        edits: changes of the best plan that are tried in a decision; none where there are imaging windows.
+        tail, caution, step: see `FilterMPCPolicy`.
+
+    Raises:
+        ValueError: a setting is out of range, or the policy scores no corners.
+    """
+
+    name = "lookahead_tour"
+    kind: Kind = "learned"
+
+    def __init__(
+        self,
+        tour: str | LearnedPolicy = "rigid_tour",
+        horizon: int = 20,
+        edits: int = 0,
+        tail: float = 20.0,
+        caution: float = 1.0,
+        step: float = 0.5,
+    ) -> None:
+        self._policy = find(tour) if isinstance(tour, str) else tour
+        if not self._policy.corner_features:
+            raise ValueError(f"{self._policy.name} scores no corners: give a tour, such as rigid_tour")
+        edits = check_integer("edits", edits, low=0)
+        super().__init__(horizon, max(edits, 1), tail, caution, step=step, margin=self._policy.margin)
+        self.edits, self.include_walk = edits, self._policy.include_walk
+
+    def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
+        """Prepare for the satellite.
+
+        Raises:
+            ValueError: as `FilterMPCPolicy.reset`; what the tour takes is not observed; or edits where a plan would
+                miss imaging windows.
+        """
+        super().reset(mission, seeds)
+        if self.edits and mission.scenario.operations is not None:
+            raise ValueError(
+                f"edits of a plan take no account of imaging windows, and scenario {mission.scenario.name!r} has some: "
+                "give edits=0"
+            )
+        own = self._policy
+        self._tour = CornerTour([mission], own.margin, features=own.corner_features, settle=own.settle)
+        self._tour.begin(len(seeds))
+        self._memory = self._tour.memory
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action (N, 3).
+
+        Raises:
+            RuntimeError: `see` was not called since the last decision.
+        """
+        flights, before = self._flown(), self._memory
+        plans, losses = self._rolled_out(flights, observation)
+        best = _CHOICES * np.arange(len(losses)) + np.argmin(losses, axis=1)
+        self._memory = self._memory.take(best)
+        if not self.edits:
+            self._left -= 1
+            return plans[best, 0]
+        action = self._planned(flights, np.clip(plans[best] / self._shares, -1.0, 1.0)[:, None])
+        self._tour.memory = self._memory
+        self._tour.note(before, action)
+        self._memory = self._tour.memory
+        return action
+
+    def _rolled_out(self, flights: Flights, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Plans (8 N, H, 3) that begin with each corner, and what they lose (N, 8); memory is of after the first."""
+        each = np.repeat(np.arange(len(observation)), _CHOICES)
+        first = np.tile(np.eye(_CHOICES), (len(observation), 1))
+        trail, scratch, seen = Trail.of(flights, len(each)), scratch_of(flights), observation[each]
+        begin_rollouts(trail, flights, _CHOICES, self.caution)
+        self._tour.memory = self._memory.take(each)
+        plans, last = np.empty((len(each), self._ahead, 3)), np.zeros(len(each))
+        for d in range(self._ahead):
+            plans[:, d] = self._tour(seen, (lambda _: first) if d == 0 else self._policy.score)
+            if d == 0:
+                self._memory = self._tour.memory
+            last = trail.losses.copy()
+            roll_out(trail, plans[:, d], scratch, seen)
+        losses = trail.losses + self.tail * (trail.losses - last)
+        return plans, losses.reshape(-1, _CHOICES)
