@@ -69,7 +69,7 @@ def tried(tuning: Tuning, name: str, settings: dict[str, Any]) -> list[Row]:
             build(name, settings),
             satellite,
             inertia,
-            seeds("tuning", episodes_of(name, tuning.episodes, tuning.planned), 1000 * i),
+            seeds("tuning", episodes_of(build(name, settings), tuning.episodes, tuning.planned), 1000 * i),
         )
         for i, satellite in enumerate(draw_satellites(seeds("tuning", count), wheels=tuning.wheels))
         for inertia in INERTIA_MODES

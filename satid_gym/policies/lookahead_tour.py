@@ -49,7 +49,7 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         edits: int = 0,
         tail: float = 20.0,
         caution: float = 1.0,
-        step: float = 0.5,
+        step: float = 0.1,
     ) -> None:
         self._policy = find(tour) if isinstance(tour, str) else tour
         if not self._policy.corner_features:
