@@ -12,6 +12,7 @@ from baselines.scenarios.in_the_gaps import InTheGaps
 from satid_gym.evaluation import seeds
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
+from satid_gym.policies.lookahead_tour import LookaheadTourPolicy
 from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
@@ -24,7 +25,7 @@ from satid_gym.policy import Policy, observation_settings
 from satid_gym.profiles import PROFILES
 from satid_gym.scenario_catalogue import SCENARIOS
 
-Trial = tuple[dict[str, float], Policy]
+Trial = tuple[dict[str, Any], Policy]
 AMPLITUDES = np.geomspace(0.01, 0.95, 20).round(3).tolist()  # of the rate limit
 _COARSE = 3  # step through the amplitudes where episodes are long: 0.013 to 0.95, a factor of 2 apart
 _INSIDE = -1.0  # ranks before any share of episodes that ended
@@ -69,6 +70,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
     toured: list[Trial] = [({"hold": hold}, CornerTourPolicy(hold)) for hold in HOLDS]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
     rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
+    ahead: list[Trial] = [(given, LookaheadTourPolicy(**given)) for given in _lookaheads(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     if SCENARIOS[scenario].operations is not None:
@@ -79,6 +81,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
             "operator": [({"settle": settle}, OperatorPolicy(settle)) for settle in SETTLES],
             **{name: _in_the_gaps(trials) for name, trials in between.items()},
             "swing_between": [(own, SwingBetweenPolicy(**own)) for own in BETWEEN],
+            "lookahead_tour": ahead,
         }
     return {
         "zero": [({}, ZeroPolicy())],
@@ -92,6 +95,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         ),
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
         **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
+        **({} if _has_tracker(scenario) else {"lookahead_tour": ahead}),
     }
 
 
@@ -108,6 +112,18 @@ def _rehearsals(scenario: str) -> list[dict[str, Any]]:
         for caution in (0.0, 1.0, 2.0)
         for amplitude in (0.7, 1.0)
     ]
+
+
+def _lookaheads(scenario: str) -> list[dict[str, Any]]:
+    """Settings of `lookahead_tour` to try, with the tour that was trained for the scenario."""
+    if _has_limit(scenario):
+        return [
+            {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
+            for edits in (0, 24)
+            for caution in (0.0, 1.0, 2.0)
+        ]
+    tour = "rigid_tour" if SCENARIOS[scenario].operations is None else "window_tour"
+    return [{"tour": tour, "horizon": horizon} for horizon in (10, 20, 30)]
 
 
 def _has_limit(scenario: str) -> bool:
