@@ -89,13 +89,18 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
         **loud,
         "rate_square": squares,
         **(
-            {"spared_square": spared, "shaped_square": shaped, "corner_tour": toured, "filter_mpc": rehearsed}
+            {
+                "spared_square": spared,
+                "shaped_square": shaped,
+                "corner_tour": toured,
+                "filter_mpc": rehearsed,
+                "lookahead_tour": ahead,
+            }
             if _has_limit(scenario)
             else {}
         ),
         **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
         **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
-        **({} if _has_tracker(scenario) else {"lookahead_tour": ahead}),
     }
 
 
@@ -116,14 +121,13 @@ def _rehearsals(scenario: str) -> list[dict[str, Any]]:
 
 def _lookaheads(scenario: str) -> list[dict[str, Any]]:
     """Settings of `lookahead_tour` to try, with the tour that was trained for the scenario."""
-    if _has_limit(scenario):
-        return [
-            {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
-            for edits in (0, 24)
-            for caution in (0.0, 1.0, 2.0)
-        ]
-    tour = "rigid_tour" if SCENARIOS[scenario].operations is None else "window_tour"
-    return [{"tour": tour, "horizon": horizon} for horizon in (10, 20, 30)]
+    if SCENARIOS[scenario].operations is not None:
+        return [{"tour": "window_tour", "horizon": horizon} for horizon in (10, 20, 30)]
+    return [
+        {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
+        for edits in (0, 24)
+        for caution in (0.0, 1.0, 2.0)
+    ]
 
 
 def _has_limit(scenario: str) -> bool:
