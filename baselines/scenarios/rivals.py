@@ -70,7 +70,6 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
     toured: list[Trial] = [({"hold": hold}, CornerTourPolicy(hold)) for hold in HOLDS]
     shaped: list[Trial] = [(shape, ShapedSquarePolicy(**shape)) for shape in SHAPES]
     rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
-    ahead: list[Trial] = [(given, LookaheadTourPolicy(**given)) for given in _lookaheads(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
     if SCENARIOS[scenario].operations is not None:
@@ -81,7 +80,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
             "operator": [({"settle": settle}, OperatorPolicy(settle)) for settle in SETTLES],
             **{name: _in_the_gaps(trials) for name, trials in between.items()},
             "swing_between": [(own, SwingBetweenPolicy(**own)) for own in BETWEEN],
-            "lookahead_tour": ahead,
+            "lookahead_tour": _lookaheads(scenario),
         }
     return {
         "zero": [({}, ZeroPolicy())],
@@ -94,7 +93,7 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
                 "shaped_square": shaped,
                 "corner_tour": toured,
                 "filter_mpc": rehearsed,
-                "lookahead_tour": ahead,
+                "lookahead_tour": _lookaheads(scenario),
             }
             if _has_limit(scenario)
             else {}
@@ -119,15 +118,17 @@ def _rehearsals(scenario: str) -> list[dict[str, Any]]:
     ]
 
 
-def _lookaheads(scenario: str) -> list[dict[str, Any]]:
+def _lookaheads(scenario: str) -> list[Trial]:
     """Settings of `lookahead_tour` to try, with the tour that was trained for the scenario."""
     if SCENARIOS[scenario].operations is not None:
-        return [{"tour": "window_tour", "horizon": horizon} for horizon in (10, 20, 30)]
-    return [
-        {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
-        for edits in (0, 24)
-        for caution in (0.0, 1.0, 2.0)
-    ]
+        given: list[dict[str, Any]] = [{"tour": "window_tour", "horizon": horizon} for horizon in (10, 20, 30)]
+    else:
+        given = [
+            {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
+            for edits in (0, 24)
+            for caution in (0.0, 1.0, 2.0)
+        ]
+    return [(own, LookaheadTourPolicy(**own)) for own in given]
 
 
 def _has_limit(scenario: str) -> bool:
