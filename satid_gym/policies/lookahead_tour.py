@@ -99,7 +99,8 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         """Plans (8 N, H, 3) that begin with each corner, and what they lose (N, 8); memory is of after the first."""
         each = np.repeat(np.arange(len(observation)), _CHOICES)
         first = np.tile(np.eye(_CHOICES), (len(observation), 1))
-        trail, scratch, seen = Trail.of(flights, len(each)), scratch_of(flights), observation[each]
+        trail, scratch = Trail.of(flights, len(each)), scratch_of(flights)
+        seen = observation[each].astype(np.float32)
         begin_rollouts(trail, flights, _CHOICES, self.caution)
         self._tour.memory = self._memory.take(each)
         plans, last = np.empty((len(each), self._ahead, 3)), np.zeros(len(each))
