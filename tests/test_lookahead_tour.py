@@ -129,6 +129,7 @@ def test_it_expects_less_than_the_tour(scenario, settings):
     assert 0.3 < ahead.nees.mean() < 2.0
 
 
+@pytest.mark.slow
 def test_a_pilot_flies_it_by_its_name():
     policy = make_baseline("lookahead_tour", "microsat")
     satellite = problem("microsat", "static", "tight").satellites[0]
