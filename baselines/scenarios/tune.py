@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.cluster import RayAddress, executor
-from baselines.command.provenance import result_head, revision
+from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell
 from baselines.scenarios.rivals import Trial, choose, rivals
 from satid_gym.config import check_integer, check_names, check_number
@@ -74,7 +74,7 @@ def best(scenario: str, satellite: str, name: str, cost: float, episodes: int) -
     cell = Cell(scenario=scenario, satellite=satellite, inertia="random")
     settings, _ = choose(cell, trials, cost, episodes, num_threads=1)  # rivals fly side by side
     found = {"scenario": scenario, "satellite": satellite, "policy": name, "settings": settings}
-    return {**found, "tried": len(trials), "episodes": episodes, "revision": revision()}
+    return {**found, "tried": len(trials), "episodes": episodes}
 
 
 def stored(file: Path) -> list[Entry]:
@@ -145,7 +145,7 @@ def main(tuning: Tuning) -> int:
     head = result_head("baselines.scenarios.tune")
     with executor(tuning.ray) as pool, tqdm(total=len(todo), desc="tuning", unit="rival") as bar:
         for done in as_completed([pool.submit(best, *place, tuning.cost, tuning.episodes) for place in todo]):
-            entry = done.result()
+            entry = {**done.result(), "revision": head["revision"]}  # of before the file was written
             entries[_key(entry)] = entry
             bar.set_postfix_str(" ".join(_key(entry)), refresh=False)
             bar.update()
