@@ -169,7 +169,7 @@ def fly(
         series["effort"][t] = np.where(now, info["effort"], 0.0)
         series["reward"][t] = np.where(now, rewards, 0.0)
         series["saturated"][t] = np.where(now, info["saturated"].mean(axis=1), 0.0)
-        stepped[t], turning[t] = moves(*_records(fleets, "plants", "tasks"))
+        stepped[t], turning[t] = stepped_and_turning(*_records(fleets, "plants", "tasks"))
         alive[t + 1] = now & ~terminated
     env.close()
     time = world.decision_period * np.arange(1, decisions + 1)
@@ -177,10 +177,10 @@ def fly(
     return Flight(time=time, alive=alive[:-1], settled=settled, **series)
 
 
-def moves(plants: np.ndarray, tasks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def stepped_and_turning(plants: np.ndarray, tasks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether the inertia of each plant has stepped since the start, and whether the body turns; (N,) bool both."""
     steps = np.isin(plants["law"], (InertiaMode.STEP, InertiaMode.RELEASE)) & (plants["law_time"] > 0.0)
-    return steps & (plants["time"] > plants["law_time"]), metrics.turns(plants["rate"], tasks["rate_limit"])
+    return steps & (plants["time"] >= plants["law_time"]), metrics.turns(plants["rate"], tasks["rate_limit"])
 
 
 def _records(fleets: Sequence[Fleet], *parts: str) -> list[np.ndarray]:

@@ -65,9 +65,16 @@ def settled(stepped: np.ndarray, turning: np.ndarray, period: float) -> np.ndarr
     return ~stepped | (period * np.cumsum(stepped & turning, axis=0) > SETTLING)
 
 
-def consistency(nees: np.ndarray, settled: np.ndarray) -> np.ndarray:
-    """Mean NEES per degree of freedom (N,) of each episode where it is `settled`, without NaN; (T, N) both."""
-    return np.nanmean(np.where(settled, nees, np.nan), axis=0)
+def consistency(nees: np.ndarray, judged: np.ndarray) -> np.ndarray:
+    """Mean NEES per degree of freedom (N,) of each episode where it is `settled`, without NaN; NaN where it never is.
+
+    Args:
+        nees: (T, N).
+        judged: (T, N) where it is settled.
+    """
+    counts = judged & ~np.isnan(nees)
+    with np.errstate(invalid="ignore"):
+        return np.where(counts, nees, 0.0).sum(axis=0) / counts.sum(axis=0)
 
 
 def beyond_envelope(outside_fraction: float, saturated_fraction: float) -> float:

@@ -75,6 +75,7 @@ def test_consistency_is_the_mean_where_it_is_settled():
     settled[1, 0] = False
     nees = np.array([[1.0, 1.0], [100.0, 2.0], [2.0, 3.0], [np.nan, 6.0]])
     np.testing.assert_allclose(metrics.consistency(nees, settled), [1.5, 3.0])
+    assert np.isnan(metrics.consistency(nees, np.zeros_like(settled))).all()
 
 
 def test_interquartile_mean():
@@ -289,6 +290,13 @@ def test_a_body_that_turns_is_settled_again_ten_seconds_after_its_step(inertia):
     assert [np.ptp(own) for own in unsettled] == [9.0, 9.0]  # ten decisions
     assert unsettled[0][0] != unsettled[1][0]
     assert all(90.0 < own[0] < 212.0 for own in unsettled)  # step_time of LawRanges: 0.3 to 0.7 of 300 s
+
+
+@pytest.mark.compiled
+def test_a_decision_that_ends_with_the_step_is_not_settled():
+    law = InertiaLaw("step", size=0.05, time=100.0)
+    flight = fly(Constant(0.5, 0.5, -0.5), satellite="smallsat", inertia=law, seeds=[0], control="rate")
+    assert list(flight.time[~flight.settled[:, 0]]) == list(np.arange(100.0, 110.0))
 
 
 @cases("inertia", ["static", "drift", InertiaLaw("step", size=0.05, time=0.0)])

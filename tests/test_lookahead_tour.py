@@ -82,11 +82,12 @@ def test_a_rollout_is_the_rehearsal_of_its_plan():
     np.testing.assert_array_equal(trail.beliefs["covariance"], [one.beliefs["covariance"][-1] for one in whole])
 
 
+@cases(("name", "scenario"), [("window_tour", "operations"), ("tank_tour", "slosh")])
 @pytest.mark.compiled
-def test_a_tour_goes_on_from_its_memory_in_any_row():
-    """Side and waits, star fixes, and the side on which it turns about the boresight."""
-    policy = find("window_tour")
-    env, observation = begun("operations", policy, inertia="periodic")
+def test_a_tour_goes_on_from_its_memory_in_any_row(name, scenario):
+    """Side and waits, modes on the data sheet, star fixes, and the side on which it turns about the boresight."""
+    policy = find(name)
+    env, observation = begun(scenario, policy, inertia="periodic")
     mission, own = missions(env.problem)[0], {"features": policy.corner_features, "settle": policy.settle}
     tour, other = (CornerTour([mission], policy.margin, **own) for _ in range(2))
     tour.begin(COUNT)
@@ -99,8 +100,8 @@ def test_a_tour_goes_on_from_its_memory_in_any_row():
         if t >= 30:
             np.testing.assert_array_equal(other(observation[rows], policy.score), action[rows])
         observation = env.step(action)[0]
-    parts = [part for part in (tour.memory.side, tour.memory.waited, *tour.memory.fixes) if part.dtype != bool]
-    assert all((part[0] != part[1:]).any() for part in parts), "the rows differ"
+    side, waited, modes, fixes, gaps = tour.memory
+    assert all((part[0] != part[1:]).any() for part in (side, waited, modes, *fixes[1:], *gaps) if part.size)
 
 
 def test_a_tour_remembers_what_was_flown_in_place_of_its_choice():
@@ -111,6 +112,32 @@ def test_a_tour_remembers_what_was_flown_in_place_of_its_choice():
     tour.note(before, np.array([[-0.9, 0.8, -0.2]]))
     np.testing.assert_allclose(tour.memory.side, [[-1.0, 1.0, 1.0]])
     np.testing.assert_allclose(tour.memory.waited, [[1.0, 5.0, 3.0]])
+
+
+@pytest.mark.compiled
+def test_it_flies_the_corner_that_loses_least():
+    """By losses of its own rollouts, two decisions long, with every corner held; and the same again after a reset."""
+    policy = LookaheadTourPolicy("tank_tour", horizon=2, tail=0.0, caution=0.0)
+    env, observation = begun("slosh", policy)
+    others = [*policy.tour_memory.side.shape, *policy.tour_memory.waited.shape]
+    assert others == [COUNT, 3, COUNT, 3]
+    actions = []
+    for _ in range(2):
+        policy.reset(missions(env.problem)[0], range(COUNT))
+        policy.see(env.fleet.rows.beliefs, env.fleet.rows.tasks)
+        actions.append(policy(observation))
+    np.testing.assert_array_equal(*actions)
+    assert policy.tour_memory.side.shape == (COUNT, 3)
+    sides = np.sign(actions[0])
+    losses = np.array([rolled(env, observation, [0.4 * corner] * 2)[0].losses for corner in CORNERS])
+    chosen = [int(np.flatnonzero((CORNERS == side).all(axis=1))[0]) for side in sides]
+    np.testing.assert_array_equal(policy.tour_memory.side, sides)
+    assert (losses[chosen, np.arange(COUNT)] <= np.median(losses, axis=0)).all()
+
+
+@cases("name", ["rigid_tour", "tank_tour", "window_tour"])
+def test_it_observes_what_the_tour_does(name):
+    assert observation_settings(LookaheadTourPolicy(name)) == observation_settings(find(name))
 
 
 @pytest.mark.slow

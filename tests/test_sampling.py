@@ -91,7 +91,8 @@ def test_a_body_that_motors_hardly_shake_is_updated_in_errors_of_its_rate():
     assert nees(OBSERVATORY, "periodic", policy, "default", rate_coordinates=False) > 4.0
 
 
-def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, capsys):
+def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "a1")
     file, small = tmp_path / "consistency.json", {"policies": ("zero",), "inertias": ("static",), "episodes": 2}
     assert (
         consistency_main(
@@ -100,6 +101,7 @@ def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, capsys):
         == 0
     )
     first = json.loads(file.read_text())
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "b2")
     again = ConsistencyStudy(
         worlds=("1 kg m^2", "horizon 30 s"), satellites=("cubesat",), output=file, merge=True, **small
     )
@@ -107,5 +109,5 @@ def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, capsys):
     both = json.loads(file.read_text())
     assert [cell["world"] for cell in both["cells"]] == ["as nominal", "1 kg m^2", "horizon 30 s"]
     flown = {cell["world"]: cell for cell in first["cells"]}
-    assert both["cells"][:2] == [flown["as nominal"], flown["1 kg m^2"]]
+    assert both["cells"][:2] == [flown["as nominal"], {**flown["1 kg m^2"], "revision": "b2"}]
     capsys.readouterr()

@@ -82,7 +82,7 @@ def test_the_seconds_after_a_step_are_not_in_the_nees():
     for _ in range(env.problem.scenario.decisions):
         observation, _, _, _, info = env.step(policy(observation))
         plants, limit = env.fleet.rows.plants, SATELLITES["microsat"].rate_limit
-        turns = np.abs(plants["rate"]).max(axis=1) > 0.01 * limit
+        turns = np.abs(plants["rate"]).max(axis=1) > 0.1 * limit
         turned += env.problem.scenario.decision_period * (turns & (plants["time"] >= plants["law_time"]))
         for i, after in enumerate(plants["time"] - plants["law_time"]):
             if after < 0.0 or turned[i] > 10.0:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from baselines.command.cli import UserError
 from baselines.studies.consistency import ConsistencyStudy, cell
 from baselines.studies.consistency import main as consistency_main
 from baselines.studies.recording import record
@@ -325,7 +326,8 @@ def test_filters_refuse_the_timing_that_they_do_not_know():
 # the study
 
 
-def test_the_study_keeps_the_cells_of_other_worlds(tmp_path):
+def test_the_study_keeps_the_cells_of_other_worlds(tmp_path, monkeypatch):
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "a1")
     settings = {
         "policies": ("zero",),
         "satellites": ("cubesat",),
@@ -335,18 +337,19 @@ def test_the_study_keeps_the_cells_of_other_worlds(tmp_path):
     }
     assert consistency_main(ConsistencyStudy(worlds=("as nominal", "integrating gyro"), **settings)) == 0
     first = json.loads(settings["output"].read_text())
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "b2")
     assert consistency_main(ConsistencyStudy(worlds=("integrating gyro",), merge=True, **settings)) == 0
     second = json.loads(settings["output"].read_text())
     assert second["settings"]["worlds"] == ["as nominal", "integrating gyro"]
-    assert second["cells"] == first["cells"]
-    with pytest.raises(ValueError, match="was flown with episodes = 3: leave --merge out"):
+    assert second["cells"] == [first["cells"][0], {**first["cells"][1], "revision": "b2"}]
+    with pytest.raises(UserError, match="was flown with episodes = 3: give another --output"):
         consistency_main(ConsistencyStudy(worlds=("as nominal",), merge=True, **{**settings, "episodes": 2}))
 
 
 @pytest.mark.parametrize(("revision", "again"), [("a1", 1), ("a1-dirty", 2), ("unknown", 2)])
 def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkeypatch, revision, again):
     """Without --merge, cells of another revision do not stay."""
-    monkeypatch.setattr("baselines.command.provenance.revision", lambda: revision)
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: revision)
     settings = {"policies": ("zero",), "satellites": ("cubesat",), "inertias": ("static",), "episodes": 2}
     worlds, output = ("as nominal", "integrating gyro"), tmp_path / "consistency.json"
     flown, stop = [], 2
@@ -369,6 +372,11 @@ def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkey
     both = json.loads(output.read_text())["cells"]
     assert [own["world"] for own in both] == list(worlds)
     assert both[0] == first
-    monkeypatch.setattr("baselines.command.provenance.revision", lambda: "b2")
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "b2")
     assert consistency_main(ConsistencyStudy(worlds=worlds[1:], output=output, **settings)) == 0
     assert [own["revision"] for own in json.loads(output.read_text())["cells"]] == ["b2"]
+    flown = []
+    assert consistency_main(ConsistencyStudy(worlds=worlds[1:], output=output, merge=True, **settings)) == 0
+    assert not flown, "all are of this revision"
+    assert consistency_main(ConsistencyStudy(worlds=worlds[:1], output=output, **settings)) == 0
+    assert [own["world"] for own in json.loads(output.read_text())["cells"]] == [worlds[0]]

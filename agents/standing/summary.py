@@ -10,6 +10,7 @@ import numpy as np
 from agents.standing.tasks import BOUND, ORACLE, Task
 from satid_gym.metrics import bootstrap
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
+from satid_gym.policies.lookahead_tour import LookaheadTourPolicy
 from satid_gym.policies.registry import PLANNERS
 
 RUNGS = {
@@ -65,7 +66,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 def rung(row: Mapping[str, Any]) -> str:
     """Step of the ladder that a policy stands on."""
-    if row["policy"] in (*PLANNERS, FilterMPCPolicy.name):
+    if row["policy"] in (*PLANNERS, FilterMPCPolicy.name, LookaheadTourPolicy.name):
         return "planner"
     return "law" if row["kind"] == "closed_loop" else str(row["kind"])
 

@@ -64,13 +64,10 @@ class Tuning:
 def tried(tuning: Tuning, name: str, settings: dict[str, Any]) -> list[Row]:
     """Flights of one setting."""
     count = tuning.satellites if name not in PLANNERS else -(-tuning.satellites // 3)
+    policy = build(name, settings)
+    episodes = episodes_of(policy, tuning.episodes, tuning.planned)
     return [
-        flown(
-            build(name, settings),
-            satellite,
-            inertia,
-            seeds("tuning", episodes_of(build(name, settings), tuning.episodes, tuning.planned), 1000 * i),
-        )
+        flown(policy, satellite, inertia, seeds("tuning", episodes, 1000 * i))
         for i, satellite in enumerate(draw_satellites(seeds("tuning", count), wheels=tuning.wheels))
         for inertia in INERTIA_MODES
     ]

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+_ROOT = Path(__file__).parents[2]
 _PACKAGES = ("satid-gym", "gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
 
 
@@ -22,6 +23,7 @@ def result_head(
     split: str | None = None,
     seeds: Sequence[int] = (),
     packages: Iterable[str] = _PACKAGES,
+    output: Path | None = None,
 ) -> dict[str, Any]:
     """Head of a file of results: command, revision, versions and, where given, settings and seeds.
 
@@ -31,8 +33,9 @@ def result_head(
         split: that the seeds are of.
         seeds: consecutive seeds that were flown.
         packages: whose versions matter.
+        output: the file, where a command that was stopped goes on with it: that it differs does not count.
     """
-    head: dict[str, Any] = {"command": command(module), "revision": revision(), "versions": versions(packages)}
+    head: dict[str, Any] = {"command": command(module), "revision": revision(output), "versions": versions(packages)}
     if settings is not None:
         values: Mapping[str, Any] = settings if isinstance(settings, Mapping) else dataclasses.asdict(settings)
         head["settings"] = {k: portable(str(v)) if isinstance(v, Path) else v for k, v in values.items()}
@@ -56,19 +59,21 @@ def portable(argument: str) -> str:
     return f"{option}{sign}{Path(value).name}" if Path(value).is_absolute() else argument
 
 
-def revision() -> str:
-    """Git revision of the checkout, with "-dirty" where files differ from it; "unknown" outside of one."""
+def revision(output: Path | None = None) -> str:
+    """Git revision of the checkout, with "-dirty" where files but an `output` differ; "unknown" outside of one."""
+    paths = [":/"]
+    if output is not None and output.resolve().is_relative_to(_ROOT):
+        paths.append(f":(exclude){output.resolve()}")
     try:
-        found = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        found = _git("describe", "--always", "--abbrev=12", "--exclude=*").strip()
+        return f"{found}-dirty" if _git("diff", "--name-only", "HEAD", "--", *paths) else found
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return found.stdout.strip()
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", *arguments]
+    return subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=True).stdout  # noqa: S603
 
 
 def versions(packages: Iterable[str] = _PACKAGES) -> dict[str, str]:

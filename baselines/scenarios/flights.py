@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym import metrics
-from satid_gym.evaluation import moves
+from satid_gym.evaluation import stepped_and_turning
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import COSTS
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
@@ -89,7 +89,7 @@ def flown(
         error = np.where(alive, unit_free_error(env.fleet), error)
         now = np.where(alive, expected_error(env), np.inf)
         expected += now / steps
-        stepped[t], turning[t] = moves(env.fleet.rows.plants, env.fleet.rows.tasks)
+        stepped[t], turning[t] = stepped_and_turning(env.fleet.rows.plants, env.fleet.rows.tasks)
         nees[t, alive] = info["nees"][alive]
         costs += np.where(alive[:, None], np.stack([info["costs"][name] for name in COSTS], axis=1), 0.0)
         alive &= ~terminated

@@ -6,7 +6,8 @@ Flies, by body rates, from nothing to an oracle:
 - the paper's eight profiles, and square waves of rate, each with its best settings inside all limits;
 - the closed loop made for the scenario, `shaped_square`, `swing_and_stop` or `swing_between`, with its best settings
   inside all limits;
-- planners: `filter_mpc` with the whole model, and where there is a star tracker `greedy` and `mpc`, which know none;
+- planners: `filter_mpc` and `lookahead_tour` with the whole model, and where there is a star tracker `greedy` and
+  `mpc`, which know none;
 - learned policies that are named, as they are;
 - an oracle that is told the true modes, or the sky, and searches the plan of each episode by the cross-entropy method.
 

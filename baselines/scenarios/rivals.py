@@ -119,9 +119,9 @@ def _rehearsals(scenario: str) -> list[dict[str, Any]]:
 
 
 def _lookaheads(scenario: str) -> list[Trial]:
-    """Settings of `lookahead_tour` to try, with the tour that was trained for the scenario."""
+    """Settings of `lookahead_tour` to try, with a tour that fits the scenario."""
     if SCENARIOS[scenario].operations is not None:
-        given: list[dict[str, Any]] = [{"tour": "window_tour", "horizon": horizon} for horizon in (10, 20, 30)]
+        given: list[dict[str, Any]] = [{"tour": "window_tour", "horizon": 20, "settle": settle} for settle in SETTLES]
     else:
         given = [
             {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}

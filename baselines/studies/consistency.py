@@ -5,7 +5,8 @@ of sampling, size and horizon, and prints final error and NEES: the mean normali
 of freedom, over episodes and time, of which a consistent filter has about 1. With --no-calibrate the same flights are
 estimated as if everything were nominal.
 
-Each cell is in the file as soon as it is flown: stopped, the same command of the same revision goes on.
+Each cell is in the file as soon as it is flown: stopped, the same command of the same revision goes on, where no file
+but that one differs from the revision.
 """
 
 from __future__ import annotations
@@ -126,19 +127,10 @@ def earlier(study: ConsistencyStudy) -> dict[Place, dict[str, Any]]:
     Raises:
         ValueError: `merge`, and the file is missing, damaged or of a study with other settings.
     """
-    remedy = "leave --merge out"
+    remedy = "give another --output"
     try:
         old = read_json(study.output, remedy, keys=("revision", "settings", "cells"))
-        for name in (
-            "episodes",
-            "split",
-            "tilt",
-            "estimator",
-            "calibrate",
-            "flexible",
-            "announced",
-            "rate_coordinates",
-        ):
+        for name in _SAME:
             own = getattr(study, name)
             if old["settings"].get(name, own) != own:
                 raise ValueError(f"{study.output} was flown with {name} = {old['settings'][name]}: {remedy}")
@@ -160,7 +152,7 @@ def show(rows: list[dict[str, Any]]) -> None:
         print(f"{world:24s} {policy:14s} {spread:>20s} {f'{min(nees):.2f} to {max(nees):.2f}':>16s}")
 
 
-@cli.on_interrupt("the cells flown so far are in the output file; the same command goes on")
+@cli.on_interrupt("the cells flown so far are in the output file; with the code as committed the same command goes on")
 def main(study: ConsistencyStudy) -> int:
     """Fly the study of the command line; returns the exit code."""
     check_writable(study.output.parent)
@@ -172,11 +164,12 @@ def main(study: ConsistencyStudy) -> int:
         for inertia in study.inertias
     }
     used = seeds(study.split, study.episodes)
-    head = result_head("baselines.studies.consistency", study, split=study.split, seeds=used)
-    old, now = earlier(study), head["revision"]
+    head = result_head("baselines.studies.consistency", study, split=study.split, seeds=used, output=study.output)
+    with cli.user_errors():
+        old, now = earlier(study), head["revision"]
     lasting = now != "unknown" and not now.endswith("-dirty")
     done = {place for place, own in old.items() if lasting and own["revision"] == now}
-    cells = {place: own for place, own in old.items() if place in done or study.merge}
+    cells = {place: own for place, own in old.items() if study.merge or (place in done and place in chosen)}
     missing = [place for place in chosen if place not in done]
     for place in tqdm(missing, desc="consistency", unit="cell", initial=len(chosen) - len(missing), total=len(chosen)):
         world, policy, _, inertia = place

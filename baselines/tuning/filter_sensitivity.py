@@ -76,7 +76,7 @@ def filtered(settings: dict[str, float], satellite: str, recording: Recording, m
         error[:, i] = metrics.relative_error(inertia_tensors(run.inertia), recording.motion.inertia[i])
         solved = np.linalg.solve(run.inertia_covariance, apart[:, :, None])[:, :, 0]
         nees[:, i] = (apart * solved).sum(axis=1) / truth.shape[2]
-    stepped = np.full(nees.shape, mode == "step") & (time > PAPER_LAWS.step_time[0] * time[-1])[:, None]
+    stepped = np.full(nees.shape, mode == "step") & (time >= PAPER_LAWS.step_time[0] * time[-1])[:, None]
     turning = metrics.turns(recording.motion.rate, SATELLITES[satellite].rate_limit).T
     return {
         "final_error": float(metrics.final_error(error).mean()),

@@ -24,7 +24,7 @@ from satid_gym.gym_api import seed_stream
 from satid_gym.policy import Kind, Mission
 from satid_gym.templates import write_tracker
 
-_FIRST = 10  # times as many edits of the first plan, which begins with no rates at all
+_FIRST = 10  # times as many edits of the first plan, which no earlier one prepares
 
 
 class FilterMPCPolicy:
@@ -146,8 +146,8 @@ class FilterMPCPolicy:
         for i, plan in enumerate(plans):
             one = Flights(*(part[i : i + 1].copy() for part in flights))
             trails.append(Trail.of(flights, len(plan) + 1))
-            own, other = (trails[-1], Trail.of(one, 2)), np.empty((1, 0, len(plan), 3))
-            improve_rehearsed(one, plan[None], other, np.ones(3), own, scratch_of(one), streams, none)
+            both, proposals = (trails[-1], Trail.of(one, 2)), np.empty((1, 0, len(plan), 3))
+            improve_rehearsed(one, plan[None], proposals, np.ones(3), both, scratch_of(one), streams, none)
         return trails
 
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from satid_gym.config import check_integer
-from satid_gym.control.corners.tour import CORNERS, CornerTour
+from satid_gym.config import check_integer, check_number
+from satid_gym.control.corners.tour import CORNERS, CornerTour, Memory
 from satid_gym.control.planning.rehearsal import Flights, Trail
 from satid_gym.control.planning.rollout import begin_rollouts, roll_out
 from satid_gym.policies.filter_mpc import FilterMPCPolicy, scratch_of
@@ -34,6 +34,10 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         horizon: decisions ahead.
         edits: changes of the best plan that are tried in a decision; none where there are imaging windows.
         tail, caution, step: see `FilterMPCPolicy`.
+        settle: s before an imaging window opens at which the target is to be held; as long as the tour's where None.
+
+    Attributes:
+        tour_memory: what the tour remembers of each episode.
 
     Raises:
         ValueError: a setting is out of range, or the policy scores no corners.
@@ -50,13 +54,16 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         tail: float = 20.0,
         caution: float = 1.0,
         step: float = 0.1,
+        settle: float | None = None,
     ) -> None:
         self._policy = find(tour) if isinstance(tour, str) else tour
         if not self._policy.corner_features:
             raise ValueError(f"{self._policy.name} scores no corners: give a tour, such as rigid_tour")
         edits = check_integer("edits", edits, low=0)
         super().__init__(horizon, max(edits, 1), tail, caution, step=step, margin=self._policy.margin)
-        self.edits, self.include_walk = edits, self._policy.include_walk
+        self.include_covariance, self.include_walk = self._policy.include_covariance, self._policy.include_walk
+        self.edits = edits
+        self.settle = self._policy.settle if settle is None else check_number("settle", settle)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare for the satellite.
@@ -72,9 +79,9 @@ class LookaheadTourPolicy(FilterMPCPolicy):
                 "give edits=0"
             )
         own = self._policy
-        self._tour = CornerTour([mission], own.margin, features=own.corner_features, settle=own.settle)
+        self._tour = CornerTour([mission], own.margin, features=own.corner_features, settle=self.settle)
         self._tour.begin(len(seeds))
-        self._memory = self._tour.memory
+        self.tour_memory = self._tour.memory
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3).
@@ -82,33 +89,33 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         Raises:
             RuntimeError: `see` was not called since the last decision.
         """
-        flights, before = self._flown(), self._memory
-        plans, losses = self._rolled_out(flights, observation)
+        flights, before = self._flown(), self.tour_memory
+        plans, losses, after = self._rolled_out(flights, observation)
         best = _CHOICES * np.arange(len(losses)) + np.argmin(losses, axis=1)
-        self._memory = self._memory.take(best)
+        self.tour_memory = after.take(best)
         if not self.edits:
             self._left -= 1
             return plans[best, 0]
         action = self._planned(flights, np.clip(plans[best] / self._shares, -1.0, 1.0)[:, None])
-        self._tour.memory = self._memory
+        self._tour.memory = self.tour_memory
         self._tour.note(before, action)
-        self._memory = self._tour.memory
+        self.tour_memory = self._tour.memory
         return action
 
-    def _rolled_out(self, flights: Flights, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Plans (8 N, H, 3) that begin with each corner, and what they lose (N, 8); memory is of after the first."""
+    def _rolled_out(self, flights: Flights, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray, Memory]:
+        """Plans (8 N, H, 3) that begin with each corner, what they lose (N, 8), and the memory after the first decision."""
         each = np.repeat(np.arange(len(observation)), _CHOICES)
         first = np.tile(np.eye(_CHOICES), (len(observation), 1))
         trail, scratch = Trail.of(flights, len(each)), scratch_of(flights)
         seen = observation[each].astype(np.float32)
         begin_rollouts(trail, flights, _CHOICES, self.caution)
-        self._tour.memory = self._memory.take(each)
-        plans, last = np.empty((len(each), self._ahead, 3)), np.zeros(len(each))
-        for d in range(self._ahead):
-            plans[:, d] = self._tour(seen, (lambda _: first) if d == 0 else self._policy.score)
-            if d == 0:
-                self._memory = self._tour.memory
+        self._tour.memory = self.tour_memory.take(each)
+        actions, last = [self._tour(seen, lambda _: first)], np.zeros(len(each))
+        after = self._tour.memory
+        roll_out(trail, actions[0], scratch, seen)
+        for _ in range(1, self._ahead):
+            actions.append(self._tour(seen, self._policy.score))
             last = trail.losses.copy()
-            roll_out(trail, plans[:, d], scratch, seen)
+            roll_out(trail, actions[-1], scratch, seen)
         losses = trail.losses + self.tail * (trail.losses - last)
-        return plans, losses.reshape(-1, _CHOICES)
+        return np.stack(actions, axis=1), losses.reshape(-1, _CHOICES), after

@@ -38,17 +38,19 @@ Score = Callable[[np.ndarray], np.ndarray]
 
 
 class Memory(NamedTuple):
-    """What a tour remembers of N episodes: side and wait (N, 3) of each axis, star fixes, and gaps between windows."""
+    """What a tour remembers of N episodes: side and wait (N, 3) of each axis, modes, star fixes and gaps."""
 
     side: np.ndarray
     waited: np.ndarray
+    modes: np.ndarray
     fixes: tuple[np.ndarray, ...]
     gaps: tuple[np.ndarray, ...]
 
     def take(self, rows: np.ndarray) -> Memory:
-        """Memory of the episodes of these numbers."""
+        """Memory of the episodes of these numbers; before the first decision nothing is known of the modes."""
         fixes, gaps = (tuple(part[rows] for part in parts) for parts in (self.fixes, self.gaps))
-        return Memory(self.side[rows], self.waited[rows], fixes, gaps)
+        modes = self.modes[rows] if len(self.modes) else self.modes
+        return Memory(self.side[rows], self.waited[rows], modes, fixes, gaps)
 
 
 class CornerTour:
@@ -122,11 +124,13 @@ class CornerTour:
     def memory(self) -> Memory:
         """What is remembered of the episodes."""
         fixes = () if self._fixes is None else self._fixes.memory
-        return Memory(self.side, self._waited, fixes, () if self._gaps is None else self._gaps.memory)
+        gaps = () if self._gaps is None else self._gaps.memory
+        return Memory(self.side, self._waited, self._modes.state(), fixes, gaps)
 
     @memory.setter
     def memory(self, memory: Memory) -> None:
         self.side, self._waited = memory.side, memory.waited
+        self._modes.restore(memory.modes)
         if self._fixes is not None:
             self._fixes.memory = memory.fixes
         if self._gaps is not None:
