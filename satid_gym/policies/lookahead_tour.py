@@ -103,7 +103,7 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         return action
 
     def _rolled_out(self, flights: Flights, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray, Memory]:
-        """Plans (8 N, H, 3) that begin with each corner, what they lose (N, 8), and the memory after the first decision."""
+        """Plans (8 N, H, 3) that begin with each corner, losses (N, 8), and the memory after the first decision."""
         each = np.repeat(np.arange(len(observation)), _CHOICES)
         first = np.tile(np.eye(_CHOICES), (len(observation), 1))
         trail, scratch = Trail.of(flights, len(each)), scratch_of(flights)
