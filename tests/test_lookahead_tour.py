@@ -128,7 +128,7 @@ def test_it_flies_the_corner_that_loses_least():
     assert policy.tour_memory.side.shape == (COUNT, 3)
     sides = np.sign(actions[0])
     losses = np.array([rolled(env, observation, [0.4 * corner] * 2)[0].losses for corner in CORNERS])
-    chosen = [int(np.flatnonzero((CORNERS == side).all(axis=1))[0]) for side in sides]
+    chosen = [int(np.flatnonzero((side == CORNERS).all(axis=1))[0]) for side in sides]
     np.testing.assert_array_equal(policy.tour_memory.side, sides)
     assert (losses[chosen, np.arange(COUNT)] <= np.median(losses, axis=0)).all()
 
