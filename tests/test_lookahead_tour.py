@@ -42,7 +42,7 @@ def rolled(env, observation, plan):
     trail, scratch = Trail.of(flights, COUNT), scratch_of(flights)
     begin_rollouts(trail, flights, 1, 0.0)
     for action in plan:
-        roll_out(trail, np.tile(action, (COUNT, 1)), scratch, seen)
+        roll_out(trail, np.array(np.broadcast_to(action, (COUNT, 3))), scratch, seen)
     return trail, seen, seer
 
 
@@ -116,21 +116,26 @@ def test_a_tour_remembers_what_was_flown_in_place_of_its_choice():
 
 @pytest.mark.compiled
 def test_it_flies_the_corner_that_loses_least():
-    """By losses of its own rollouts, two decisions long, with every corner held; and the same again after a reset."""
-    policy = LookaheadTourPolicy("tank_tour", horizon=2, tail=0.0, caution=0.0)
+    """By rollouts of two decisions, worked out corner by corner; and the same again after a reset."""
+    policy, tour = LookaheadTourPolicy("tank_tour", horizon=2, tail=0.0, caution=0.0), find("tank_tour")
     env, observation = begun("slosh", policy)
-    actions = []
+    mission, actions = missions(env.problem)[0], []
     for _ in range(2):
-        policy.reset(missions(env.problem)[0], range(COUNT))
+        policy.reset(mission, range(COUNT))
         policy.see(env.fleet.rows.beliefs, env.fleet.rows.tasks)
         actions.append(policy(observation))
     np.testing.assert_array_equal(*actions)
-    assert policy.tour_memory.side.shape == (COUNT, 3)
-    sides = np.sign(actions[0])
-    losses = np.array([rolled(env, observation, [0.4 * corner] * 2)[0].losses for corner in CORNERS])
-    chosen = [int(np.flatnonzero((side == CORNERS).all(axis=1))[0]) for side in sides]
-    np.testing.assert_array_equal(policy.tour_memory.side, sides)
-    assert (losses[chosen, np.arange(COUNT)] <= np.median(losses, axis=0)).all()
+    firsts, losses = [], []
+    for choice in np.eye(len(CORNERS)):
+        law = CornerTour([mission], tour.margin, features=tour.corner_features)
+        law.begin(COUNT)
+        firsts.append(law(observation, lambda _, own=choice: np.tile(own, (COUNT, 1))))
+        second = law(rolled(env, observation, firsts[-1:])[1], tour.score)
+        losses.append(rolled(env, observation, [firsts[-1], second])[0].losses)
+    best = np.argmin(losses, axis=0)
+    assert len(set(best)) > 1
+    np.testing.assert_array_equal(actions[0], np.array(firsts)[best, np.arange(COUNT)])
+    np.testing.assert_array_equal(policy.tour_memory.side, np.sign(actions[0]))
 
 
 @cases("name", ["rigid_tour", "tank_tour", "window_tour"])
