@@ -136,11 +136,9 @@ def settings(cls: type[Config], given: Config | None = None) -> str:
 
 def calibration() -> str:
     """Tolerances and star tracker of the scenario of that name."""
-    sensors = SCENARIOS["calibration"].sensors
-    assert sensors is not None
-    return "\n\n".join(
-        (settings(Tolerances, SCENARIOS["calibration"].tolerances), settings(StarTracker, sensors.star_tracker))
-    )
+    own = SCENARIOS["calibration"]
+    assert own.sensors is not None
+    return "\n\n".join((settings(Tolerances, own.tolerances), settings(StarTracker, own.sensors.star_tracker)))
 
 
 def operations() -> str:
@@ -190,6 +188,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "operations": operations,
         "gate": worlds.gates,
         "planners": worlds.planners,
+        "looking ahead": worlds.looking_ahead,
         "laws": laws,
         "faults": faults,
     },

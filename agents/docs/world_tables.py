@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from agents.docs.readme import RESULTS
+from agents.standing.lookahead_table import lookahead_table
 from agents.standing.summary import RUNGS, ladder
 from baselines.command.markdown import table
 from baselines.scenarios.four_wheels import HEAD, summary
@@ -55,10 +56,20 @@ def planners() -> str:
     )
 
 
+def _standing() -> Mapping[str, Any]:
+    """The committed standing table."""
+    remedy = "run python -m agents.standing and copy standing.json to docs/results"
+    return read_json(RESULTS / "standing.json", remedy, keys=("rows", "settings", "command", "seeds"))
+
+
 def ladders() -> str:
     """The best of each kind in every scenario on every satellite, from the committed standing table."""
-    remedy = "run python -m agents.standing and copy standing.json to docs/results"
-    return ladders_table(read_json(RESULTS / "standing.json", remedy, keys=("rows", "settings", "command", "seeds")))
+    return ladders_table(_standing())
+
+
+def looking_ahead() -> str:
+    """`lookahead_tour` next to its tour and to `filter_mpc`, from the committed standing table."""
+    return lookahead_table(_standing())
 
 
 def four_wheels() -> str:
