@@ -30,7 +30,7 @@ def lookahead_table(results: Mapping[str, Any]) -> str:
                 f"`{place[0]}`",
                 place[1],
                 f"{100.0 * ahead:.3g}",
-                f"`{tour}` {ahead / alone:.2f}",
+                f"`{tour}` {ahead / alone:.2f}" if np.isfinite(alone) else f"`{tour}` ended early",
                 f"{ahead / planner:.2f}",
                 f"{min(nees):.2f} to {max(nees):.2f}",
                 f"{100.0 * cost:.2f}",
