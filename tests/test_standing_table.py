@@ -10,6 +10,7 @@ import pytest
 
 from agents.docs.world_tables import ladders_table
 from agents.standing import table as standing
+from agents.standing.lookahead_table import lookahead_table
 from agents.standing.replay import pair, replay
 from agents.standing.summary import ladder, row
 from agents.standing.tasks import BOUND, ORACLE, Episodes, misfit, tasks_of
@@ -267,3 +268,28 @@ def test_the_page_in_a_browser(browser, tmp_path, monkeypatch, capsys):
     assert nees == sorted(nees)
     assert complaints == []
     page.close()
+
+
+def test_what_looking_ahead_gains_by_hand():
+    """Two satellites, two inertia modes; on the second satellite an episode of the tour ended early."""
+    policies = {
+        "lookahead_tour": ("learned", 0.01, 0.5, (2e-4, 8e-4, 3e-4, 3e-4)),
+        "tank_tour": ("learned", 0.0, 1.0, (4e-4, 16e-4, 3e-4, None)),
+        "filter_mpc": ("closed_loop", 0.0, 1.0, (1e-4, 4e-4, 6e-4, 6e-4)),
+        "shaped_square": ("closed_loop", 0.0, 1.0, (8e-4, 8e-4, 4e-4, 4e-4)),
+        "spared_square": ("closed_loop", 0.0, 1.0, (9e-4, 9e-4, 3e-4, 3e-4)),
+    }
+    shared = {"scenario": "flex", "settings": {"tour": "tank_tour"}, "revision": "r"}
+    rows = [
+        {**shared, "satellite": s, "policy": name, "kind": kind, "nees": nees, "cost": cost, "expected": error}
+        for name, (kind, cost, nees, errors) in policies.items()
+        for s, error in zip("aabb", errors, strict=True)
+    ]
+    lines = lookahead_table({"rows": rows, "settings": {"episodes": 8}, "command": "c"}).splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:5]]
+    assert [own[1:7] for own in cells] == [
+        ["all", "0.0346", "`tank_tour` ended early", "1.00", "-", "`spared_square` 0.67"],
+        ["a", "0.04", "`tank_tour` 0.50", "2.00", "-", "`shaped_square` 0.50"],
+        ["b", "0.03", "`tank_tour` ended early", "0.50", "-", "`spared_square` 1.00"],
+    ]
+    assert [own[7:] for own in cells] == [["0.50 to 0.50", "1.00"]] * 3

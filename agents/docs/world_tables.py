@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.docs.readme import RESULTS
 from agents.standing.lookahead_table import lookahead_table
-from agents.standing.summary import RUNGS, ladder
+from agents.standing.summary import RUNGS, is_honest, ladder
 from baselines.command.markdown import table
 from baselines.scenarios.four_wheels import HEAD, summary
 from satid_gym.files import read_json
@@ -68,7 +68,7 @@ def ladders() -> str:
 
 
 def looking_ahead() -> str:
-    """`lookahead_tour` next to its tour and to `filter_mpc`, from the committed standing table."""
+    """`lookahead_tour` next to other policies, from the committed standing table."""
     return lookahead_table(_standing())
 
 
@@ -186,9 +186,12 @@ def ladders_table(results: Mapping[str, Any]) -> str:
     ]
     head = ["scenario", "satellite", *(RUNGS[rung] for rung in shown)]
     revisions = sorted({row["revision"][:7] for row in flown})
+    judged = [row for row in flown if row.get("nees") is not None]
+    honest, worst = sum(map(is_honest, judged)), max(row["nees"] for row in judged)
     source = (
         f"Inertia {', '.join(settings['inertias'])}; {settings['episodes']} {results['seeds']['split']} episodes a cell"
         + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
+        + f"; mean NEES in [0.3, 2] in {honest} of {len(judged)} cells of all policies, at most {worst:.1f}"
         + f"; revision {', '.join(revisions)}; `{results['command']}`."
     )
     return table(head, rows, text_columns=2 + len(shown)) + "\n\n" + source

@@ -9,9 +9,7 @@ import numpy as np
 
 from agents.standing.tasks import BOUND, ORACLE, Task
 from satid_gym.metrics import bootstrap
-from satid_gym.policies.filter_mpc import FilterMPCPolicy
-from satid_gym.policies.lookahead_tour import LookaheadTourPolicy
-from satid_gym.policies.registry import PLANNERS
+from satid_gym.policies.registry import PLANNERS, RATE_PLANNERS
 
 RUNGS = {
     "reference": "nothing",
@@ -66,9 +64,20 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 def rung(row: Mapping[str, Any]) -> str:
     """Step of the ladder that a policy stands on."""
-    if row["policy"] in (*PLANNERS, FilterMPCPolicy.name, LookaheadTourPolicy.name):
+    if row["policy"] in (*PLANNERS, *RATE_PLANNERS):
         return "planner"
     return "law" if row["kind"] == "closed_loop" else str(row["kind"])
+
+
+def is_honest(row: Row) -> bool:
+    """Whether the mean NEES is that of a consistent filter."""
+    return bool(HONEST[0] <= row["nees"] <= HONEST[1])
+
+
+def expected_error(rows: Sequence[Row]) -> float | None:
+    """Expected error, geometric mean over rows; None where an episode ended early."""
+    errors = [row["expected"] for row in rows]
+    return None if None in errors else float(np.exp(np.mean(np.log(np.array(errors, float)))))
 
 
 def ladder(rows: Sequence[Row]) -> list[Row]:
@@ -87,16 +96,14 @@ def ladder(rows: Sequence[Row]) -> list[Row]:
             mine = [r for r in flown if r["policy"] == policy]
             if len(mine) < len(cells) and step != ORACLE:
                 continue
-            errors = [r["expected"] for r in mine]
-            mean = None if None in errors else float(np.exp(np.mean(np.log(np.array(errors, float)))))
             judged.append(
                 {
                     "rung": step,
                     "policy": policy,
                     "cells": len(mine),
                     "inside": sum(r["inside"] for r in mine),
-                    "honest": sum(HONEST[0] <= r["nees"] <= HONEST[1] for r in mine),
-                    "expected": mean,
+                    "honest": sum(map(is_honest, mine)),
+                    "expected": expected_error(mine),
                     "cost": max(r["cost"] for r in mine),
                     "decision_ms": mine[0]["decision_ms"],
                 }

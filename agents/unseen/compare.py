@@ -150,7 +150,7 @@ def main(settings: Unseen) -> int:
         for i, satellite in enumerate(tqdm(settings.drawn(), desc="unseen", unit="satellite")):
             missing = [policy for policy in policies.values() if (satellite.name, policy.name) not in done]
             for policy in missing:
-                count = episodes_of(policy, settings.episodes, settings.planned)
+                count = episodes_of(policy.name, settings.episodes, settings.planned)
                 rows += [
                     flown(policy, satellite, inertia, seeds(settings.split, count, (i + 1) * 1000))
                     for inertia in INERTIA_MODES

@@ -9,9 +9,9 @@ import numpy as np
 
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.metrics import BEYOND_MAX
-from satid_gym.policies.registry import PLANNERS, RATE_BASELINES, build
+from satid_gym.policies.registry import PLANNERS, RATE_BASELINES, RATE_PLANNERS, build
 from satid_gym.policies.shipped import find
-from satid_gym.policy import FilterPlanner, Policy
+from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 
 KEPT = ("mean_error", "final_error", "outside_fraction", "saturated_fraction", "nees")
@@ -41,9 +41,9 @@ def policy_of(name: str, tuned: Mapping[str, Mapping[str, float]]) -> Policy:
     return build(name, dict(tuned.get(name, {}))) if name in (*tuned, *RATE_BASELINES) else find(name)
 
 
-def episodes_of(policy: Policy, episodes: int, planned: int) -> int:
+def episodes_of(name: str, episodes: int, planned: int) -> int:
     """Episodes that a policy flies in a cell: planners, which are slow, fly fewer."""
-    return min(planned, episodes) if policy.name in PLANNERS or isinstance(policy, FilterPlanner) else episodes
+    return min(planned, episodes) if name in (*PLANNERS, *RATE_PLANNERS) else episodes
 
 
 def by_satellite(rows: Sequence[Row], policy: str, score: str, first: int | None = None) -> dict[str, float]:

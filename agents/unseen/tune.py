@@ -64,8 +64,7 @@ class Tuning:
 def tried(tuning: Tuning, name: str, settings: dict[str, Any]) -> list[Row]:
     """Flights of one setting."""
     count = tuning.satellites if name not in PLANNERS else -(-tuning.satellites // 3)
-    policy = build(name, settings)
-    episodes = episodes_of(policy, tuning.episodes, tuning.planned)
+    policy, episodes = build(name, settings), episodes_of(name, tuning.episodes, tuning.planned)
     return [
         flown(policy, satellite, inertia, seeds("tuning", episodes, 1000 * i))
         for i, satellite in enumerate(draw_satellites(seeds("tuning", count), wheels=tuning.wheels))

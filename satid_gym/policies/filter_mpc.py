@@ -49,6 +49,7 @@ class FilterMPCPolicy:
     name = "filter_mpc"
     kind: Kind = "closed_loop"
     observation = "body"
+    _EDITS_MIN = 1
 
     def __init__(
         self,
@@ -60,7 +61,10 @@ class FilterMPCPolicy:
         step: float = 0.5,
         margin: float = 3.5,
     ) -> None:
-        self.horizon, self.edits = check_integer("horizon", horizon, low=2), check_integer("edits", edits)
+        self.horizon, self.edits = (
+            check_integer("horizon", horizon, low=2),
+            check_integer("edits", edits, low=self._EDITS_MIN),
+        )
         self.tail, self.caution = check_number("tail", tail), check_number("caution", caution)
         self.amplitude = check_number("amplitude", amplitude, high=1.0, strict=True)
         self.step, self.margin = check_number("step", step, strict=True), check_number("margin", margin)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from satid_gym.config import check_integer, check_number
+from satid_gym.config import check_number
 from satid_gym.control.corners.tour import CORNERS, CornerTour, Memory
 from satid_gym.control.planning.rehearsal import Flights, Trail
 from satid_gym.control.planning.rollout import begin_rollouts, roll_out
@@ -45,6 +45,7 @@ class LookaheadTourPolicy(FilterMPCPolicy):
 
     name = "lookahead_tour"
     kind: Kind = "learned"
+    _EDITS_MIN = 0
 
     def __init__(
         self,
@@ -59,10 +60,8 @@ class LookaheadTourPolicy(FilterMPCPolicy):
         self._policy = find(tour) if isinstance(tour, str) else tour
         if not self._policy.corner_features:
             raise ValueError(f"{self._policy.name} scores no corners: give a tour, such as rigid_tour")
-        edits = check_integer("edits", edits, low=0)
-        super().__init__(horizon, max(edits, 1), tail, caution, step=step, margin=self._policy.margin)
+        super().__init__(horizon, edits, tail, caution, step=step, margin=self._policy.margin)
         self.include_covariance, self.include_walk = self._policy.include_covariance, self._policy.include_walk
-        self.edits = edits
         self.settle = self._policy.settle if settle is None else check_number("settle", settle)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:

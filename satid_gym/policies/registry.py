@@ -86,14 +86,15 @@ RATE_BASELINES: dict[str, Baseline] = {
     "spared_square": Baseline(make=_spared_square, tuned=False),
     "corner_tour": Baseline(make=CornerTourPolicy, tuned=False),
     "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
-    "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False),
-    "lookahead_tour": Baseline(make=LookaheadTourPolicy, tuned=False),
+    "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False, planner=True),
+    "lookahead_tour": Baseline(make=LookaheadTourPolicy, tuned=False, planner=True),
     "operator": Baseline(make=OperatorPolicy, tuned=False),
     "swing_between": Baseline(make=SwingBetweenPolicy, tuned=False),
     "clear_square": Baseline(make=ClearSquarePolicy, tuned=False),
 }
 """Baselines for `control="rate"` alone; comparisons, which fly torques, leave them out."""
 PLANNERS = tuple(name for name, baseline in BASELINES.items() if baseline.planner)
+RATE_PLANNERS = tuple(name for name, baseline in RATE_BASELINES.items() if baseline.planner)
 
 
 def build(name: str, settings: dict[str, float]) -> Policy:
