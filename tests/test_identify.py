@@ -12,8 +12,9 @@ from baselines.identification.recorded import CUBESAT, clean_log, drawn, motion,
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.identification import NotIdentifiedError, SlipError, identify
 from satid_gym.identification.record import lines, record
+from satid_gym.identification.rotors import rotor_inertias
 from satid_gym.identification.spikes import without_spikes
-from satid_gym.identification.variation import Step, is_of_a_satellite
+from satid_gym.identification.variation.steps_and_drift import Step, is_of_a_satellite
 from satid_gym.telemetry import Log, read_log, read_logs
 from satid_gym.telemetry.units import RPM
 from tests.cases import cases
@@ -128,6 +129,9 @@ def test_a_slip_is_named_in_one_line(roles, message):
         (lambda log: changed(log, attitude=lambda q: q * [-1, -1, -1, 1]), "inertial to body"),
         (lambda log: changed(log, rate=np.degrees), "gyro rates in deg/s that were read as rad/s"),
         (lambda log: changed(log, rate=lambda v: v[:, [1, 0, 2]]), "gyro axes in the order y, x, z"),
+        (lambda log: changed(log, rate=lambda v: v * [1, 1, -1]), "gyro axis z with the opposite sign"),
+        (lambda log: changed(log, wheel_speed=lambda v: v * [1, 1, -1]), "row z of the wheels' axes with the opposite"),
+        (lambda log: changed(log, wheel_speed=lambda v: -v), "give --units wheel_speed=-rpm"),
     ],
 )
 def test_a_slip_that_attitude_contradicts_is_named(change, message, tmp_path):
@@ -243,6 +247,68 @@ def test_torque_from_outside_that_is_known_is_taken_into_account():
     )
     with pytest.raises(SlipError, match="motor_torque=-Nm"):
         identify(dataclasses.replace(log, motor_torque=-torque[held]), CUBESAT)
+
+
+def tolerant(seed):
+    """Distances of an estimate from the truth, by its claim with the data sheet's tolerances, and by that without."""
+    sheet = CUBESAT.replace(tolerances={"gyro_scale": 2e-3, "gyro_alignment": 3e-3, "wheel_alignment": 5e-3})
+    rng = np.random.default_rng([seed, 10])
+    truth, log = clean(seed)
+    gain = np.eye(3) + np.where(np.eye(3) > 0.0, 2e-3, 3e-3) * rng.normal(size=(3, 3))
+    axes = CUBESAT.wheels.axes + 5e-3 * rng.normal(size=(3, 3)) * (1.0 - np.eye(3))
+    axes /= np.linalg.norm(axes, axis=0)  # as built, with which the log is consistent
+    built = np.linalg.solve(axes, CUBESAT.wheels.axes)  # speeds of wheels along these axes, for the same momentum
+    off = changed(log, rate=lambda values: values @ gain.T, wheel_speed=lambda values: values @ built.T)
+    return (distances(identify(off, own), truth)[0] for own in (sheet, CUBESAT))
+
+
+def test_tolerances_of_gyro_and_wheels_are_in_the_claim():
+    """Errors drawn from them; without them the claim of the same logs is several times too small."""
+    within, without = (np.sqrt(np.mean(np.square(all_of))) for all_of in zip(*map(tolerant, range(2)), strict=True))
+    assert 0.3 < within < 1.6
+    assert without > 3.0
+
+
+def test_the_claim_without_tolerances_of_alignment_is_as_it_was():
+    _, log = clean()
+    rotors = CUBESAT.replace(tolerances={"wheel_inertia": 0.01})
+    np.testing.assert_array_equal(
+        identify(log, rotors).over_rotor_covariance, identify(log, CUBESAT).over_rotor_covariance
+    )
+
+
+def test_what_the_data_sheet_says_and_the_fit_lacks_is_said():
+    mass = {"mass": 0.2, "direction": [1, 0, 0], "position": [0, 0, 0.1], "frequency": 0.1, "damping": 0.05}
+    own = CUBESAT.replace(oscillators=[satid_gym.SloshMass(**mass)], tolerances={"gyro_bias": 1e-5})
+    notes = identify(clean()[1], own).notes
+    assert any(
+        note.startswith("the body is taken as rigid: the data sheet's panels and tanks (0.1 Hz)") for note in notes
+    )
+    assert any("times the data sheet's tolerance" in note for note in notes)
+
+
+def test_viscous_friction_does_not_enter_the_inertia_of_a_rotor():
+    """Torque that is held for 0.1 s, and a speed that friction slows in between: both in closed form."""
+    inertia, viscous, dt = 5.7e-5, 3e-6, 0.1
+    torque = 3e-4 * np.repeat(np.random.default_rng(3).choice([-1.0, 1.0], 40), 50)
+    speed, fall = np.zeros(len(torque)), np.exp(-viscous * dt / inertia)
+    for k in range(len(torque) - 1):
+        speed[k + 1] = fall * speed[k] + (1.0 - fall) * torque[k] / viscous
+    three = np.repeat(speed[:, None], 3, axis=1)
+    time = dt * np.arange(len(torque))
+    log = Log(
+        time=time, rate=np.zeros_like(three), wheel_speed=three, motor_torque=np.repeat(torque[:, None], 3, axis=1)
+    )
+    for found in rotor_inertias([log], CUBESAT, 40.0):
+        assert found.value == pytest.approx(inertia, rel=1e-4)
+
+
+def test_rotors_a_hundred_times_too_heavy_are_asked_about():
+    own = CUBESAT.replace(wheels=CUBESAT.wheels.replace(inertia=5.7e-3))
+    notes = identify(clean()[1], own).notes
+    assert any(
+        "times nominal" in note and "its rotors' inertia, with which the result scales" in note for note in notes
+    )
 
 
 def test_a_wrong_number_of_wheels_is_refused(pyramid):

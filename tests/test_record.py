@@ -89,9 +89,9 @@ def test_by_body_rates_baselines_have_the_settings_of_the_standing_table():
     ("policy", "given", "message"),
     [
         ("shaped_square", {"scenario": "flex"}, "shaped_square commands body rates: add --control rate"),
-        ("sine", {"scenario": "paper", "control": "rate"}, "no settings by body rates in scenario 'paper'"),
+        ("sine", {"scenario": "paper", "control": "rate"}, "no settings by body rates for satellite 'microsat'"),
         (
-            "shaped_square",
+            "sine",
             {"scenario": "flex", "satellite": "innocube", "control": "rate"},
             "not tuned for .* run python",
         ),
@@ -100,6 +100,14 @@ def test_by_body_rates_baselines_have_the_settings_of_the_standing_table():
 def test_what_cannot_be_flown_is_refused_with_what_to_do(policy, given, message):
     with pytest.raises(ValueError, match=message):
         Pairing(policy=policy, **given).rollouts()
+
+
+def test_a_law_that_is_not_tuned_for_the_satellite_flies_and_says_so(capsys):
+    pairing = Pairing(policy="corner_tour", scenario="slosh", satellite="innocube", control="rate", beside="zero")
+    assert pairing.rollouts()[0].policy.name == "corner_tour"
+    said = capsys.readouterr().err
+    assert "note: corner_tour is not tuned for satellite 'innocube'" in said
+    assert "run python -m baselines.scenarios.tune" in said
 
 
 def test_a_pilot_far_outside_its_limits_stops():

@@ -36,6 +36,14 @@ def write(path, head, rows, delimiter=",", comma=False):
         (["unix_s", "rate_x_dps", "rate_y_dps", "rate_z_dps", "rwX_rpm", "rwY_rpm", "rwZ_rpm"], (57.3, 9.55)),
         (["Time", "omegaX", "omegaY", "omegaZ", "RW.1", "RW.2", "RW.3"], (1.0, 1.0)),
         (["t", "w_x", "w_y", "w_z", "wheel[0]", "wheel[1]", "wheel[2]"], (1.0, 1.0)),
+        (
+            ["time [s]", "gx [dps]", "gy [dps]", "gz [dps]", "RW1_SPEED_RPM", "RW2_SPEED_RPM", "RW3_SPEED_RPM"],
+            (57.3, 9.55),
+        ),
+        (
+            ["time [s]", *(f"gyro_dps[{k}]" for k in range(3)), *(f"wheel{k}_speed [rpm]" for k in (1, 2, 3))],
+            (57.3, 9.55),
+        ),
     ],
 )
 def test_common_names_and_units_are_found(head, scale, tmp_path):
@@ -205,6 +213,8 @@ GOOD = ["t", "gx", "gy", "gz", "w1", "w2", "w3"]
         (GOOD, {"columns": {"rates": ["gx"]}}, "unknown role of columns 'rates'"),
         (GOOD, {"units": {"rate": "degrees"}}, "unknown unit of rate 'degrees'"),
         (GOOD, {"units": {"wheel_speed": "s"}}, "unknown unit of wheel_speed 's'"),
+        (GOOD, {"columns": {"rate": ["gx", "gy"]}}, "rate takes 3 columns, found 2, ['gx', 'gy'], among a.csv"),
+        ([*GOOD[:4], "w1 [kdeg/s]", "w2 [kdeg/s]", "w3 [kdeg/s]"], {}, "unknown unit of wheel_speed 'kdeg/s'"),
     ],
 )
 def test_what_cannot_be_guessed_is_refused_in_one_line(head, arguments, message, tmp_path):
@@ -218,7 +228,8 @@ def test_what_cannot_be_guessed_is_refused_in_one_line(head, arguments, message,
     [
         (None, "there is no such file"),
         ("", "holds no table"),
-        ("t,gx\n1,2\n1\n", "row 3 has 1 cells where the first line names 2"),
+        ("t,gx\n1,2\n1\n2\n", "line 3 has 1 cells where the table's first line names 2"),
+        ("# of a downlink\n\nt,gx\n1,2\n1,2,3\n", "line 5 has 3 cells where the table's first line names 2"),
     ],
 )
 def test_damaged_files_are_refused(text, message, tmp_path):
@@ -226,6 +237,28 @@ def test_damaged_files_are_refused(text, message, tmp_path):
         (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ValueError, match=message):
         read_log(tmp_path / "a.csv")
+
+
+def test_a_row_that_was_cut_off_and_a_comment_do_no_harm(tmp_path):
+    path = write(tmp_path / "a.csv", GOOD, np.column_stack([TIME, RATE, SPEED]), delimiter="\t")
+    whole = path.read_text()
+    path.write_text("# a, b, c, d\n" + whole[: whole.rstrip().rindex("\t")] + "\n")
+    log = read_log(path)
+    assert np.isnan(log.wheel_speed[-1, 2])
+    np.testing.assert_array_equal(log.rate, RATE)
+    assert f"1 of {len(TIME)} rows have cells without a number" in log.notes
+
+
+def test_what_is_not_named_is_found_by_its_name(tmp_path):
+    table = np.column_stack([TIME, RATE, SPEED, SPEED])
+    log = read_log(
+        write(tmp_path / "a.csv", [*GOOD, "u1 [mNm]", "u2 [mNm]", "u3 [mNm]"], table),
+        {"motor_torque": ["u1 [mNm]", "u2 [mNm]", "u3 [mNm]"]},
+    )
+    np.testing.assert_array_equal(log.rate, RATE)
+    np.testing.assert_allclose(log.motor_torque, 1e-3 * SPEED)
+    assert log.units == {"time": "s", "rate": "rad/s", "wheel_speed": "rad/s", "motor_torque": "mNm"}
+    assert log.stated == {"motor_torque"}
 
 
 def test_units_by_their_many_names():

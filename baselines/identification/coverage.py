@@ -32,7 +32,7 @@ class CoverageSettings:
     draws: int = 100
     """Satellites drawn for each kind of telemetry."""
     seed: int = 0
-    """Of the first."""
+    """Seed of the first draw."""
 
     def check(self) -> None:
         """Refuse what is out of range.

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from satid_gym import InertiaLaw, ReactionWheels, Satellite, Trajectory, simulate
 from satid_gym.telemetry import Log
 
+_SHARE = 0.5  # of the rate limit that slews use
 BIAS_STD = 1e-3  # rad/s, of the gyro's constant bias, drawn for each flight
 CUBESAT = Satellite(  # a 3U with three wheels, nominal
     "threeu",
@@ -36,7 +37,6 @@ def motion(
     satellite: Satellite,
     rng: np.random.Generator,
     seconds: float,
-    share: float = 0.5,
     law: InertiaLaw | None = None,
 ) -> Trajectory:
     """A flight of slews, sampled at 10 Hz: body torque in pulses that bring the rates to and fro within the limit."""
@@ -45,7 +45,7 @@ def motion(
     start = 0
     while start < count:
         length = int(rng.integers(60, 200))
-        wanted[start : start + length] = share * satellite.rate_limit * rng.uniform(-1.0, 1.0, 3)
+        wanted[start : start + length] = _SHARE * satellite.rate_limit * rng.uniform(-1.0, 1.0, 3)
         start += length
     moments, rate, torque = np.diag(satellite.inertia), np.zeros(3), np.zeros((count, 3))
     limit = 0.5 * wheels.max_torque.min()

@@ -35,11 +35,11 @@ class VaryingSettings:
     draws: int = 100
     """Satellites drawn for each law."""
     seed: int = 0
-    """Of the first."""
+    """Seed of the first draw."""
     telemetry: tuple[str, ...] = ("clean", "downlink")
     """Kinds of telemetry."""
     laws: tuple[str, ...] = LAWS
-    """Of the inertia."""
+    """Inertia laws."""
 
     def check(self) -> None:
         """Refuse what is out of range.

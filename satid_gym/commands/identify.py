@@ -60,7 +60,7 @@ def run(given: argparse.Namespace) -> int:
     """
     columns = {role: names.split(",") for role, names in _pairs("columns", given.columns)}
     units = dict(_pairs("units", given.units))
-    check_writable(given.output)
+    check_writable(given.output, stays=False)
     logs = read_logs(given.log, columns or None, units)
     flights = f"{len(logs)} flight{'s' * (len(logs) > 1)}"
     print(f"{flights}, {sum(map(len, logs))} readings; identifying ...", file=sys.stderr)

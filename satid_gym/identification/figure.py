@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
+from satid_gym.estimators.inertia import inertia_parameters
+from satid_gym.identification.estimate import theta_sizes
 from satid_gym.identification.flights import OUTLIER
 from satid_gym.identification.identify import Identification
-from satid_gym.identification.variation import Variation
+from satid_gym.identification.variation.steps_and_drift import Variation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,21 +33,26 @@ def png(found: Identification) -> bytes:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ValueError('for the figure and the page, pip install ".[telemetry]" in the checkout') from error
-    figure = Figure(figsize=(11.0, 13.5), layout="constrained")
-    top, middle, lower, bottom = np.ravel(np.array(figure.subfigures(4, 1, height_ratios=[1.5, 1.0, 0.7, 0.8])))
-    for k, axes in enumerate(np.ravel(top.subplots(2, 3))):
-        if found.variation is None:
-            _estimate(axes, found, k)
-        else:
-            _over_time(axes, found, found.variation, k)
-    top.supxlabel(
-        "flight" if found.variation is None else "time in flights 1, 2, ... one after the other, s", fontsize=9
-    )
-    _legend(top)
+    alone = len(found.flights) == 1
+    brief = alone and found.variation is None
+    heights = [0.8 if brief else 1.5, 1.0, 0.7, *([] if alone else [0.8])]
+    figure = Figure(figsize=(11.0, 3.375 * sum(heights)), layout="constrained")
+    top, middle, lower, *bottom = np.ravel(np.array(figure.subfigures(len(heights), 1, height_ratios=heights)))
+    if brief:
+        _beside_nominal(top.subplots(), found)
+    else:
+        for k, axes in enumerate(np.ravel(top.subplots(2, 3))):
+            if found.variation is None:
+                _estimate(axes, found, k)
+            else:
+                _over_time(axes, found, found.variation, k)
+        top.supxlabel("flight" if found.variation is None else _time_of(found), fontsize=9)
+        _legend(top)
     _residuals(middle.subplots(), found)
     _legend(middle, markerscale=3)
     _told(lower.subplots(), found)
-    _shares(bottom.subplots(), found)
+    for part in bottom:
+        _shares(part.subplots(), found)
     out = io.BytesIO()
     figure.savefig(out, dpi=110, format="png")
     return out.getvalue()
@@ -59,6 +66,33 @@ def _legend(part: SubFigure, **style: Any) -> None:
             named.setdefault(label, handle)
     if named:
         part.legend(list(named.values()), list(named), loc="outside upper right", ncols=6, fontsize=8, **style)
+
+
+def _time_of(found: Identification) -> str:
+    """Label of a time axis."""
+    return "time, s" if len(found.flights) == 1 else "time in flights 1, 2, ... one after the other, s"
+
+
+def _beside_nominal(axes: Axes, found: Identification) -> None:
+    """Parameters of a single flight less nominal, with their intervals in words."""
+    sizes = theta_sizes(found.satellite)
+    nominal = inertia_parameters(found.satellite.inertia, "full")
+    for k, parameter in enumerate(found.parameters[:6]):
+        said = "not identified"
+        if parameter.determined:
+            off, reach = (100.0 * part / sizes[k] for part in (parameter.value - nominal[k], 2.0 * parameter.std))
+            axes.errorbar(off, k, xerr=reach, fmt="o", color=_COLOURS[0], markersize=5, capsize=3)
+            places = max(0, 1 - int(np.floor(np.log10(parameter.std))))  # two digits of the standard deviation
+            said = f"{parameter.value:.{places}f} \u00b1 {parameter.std:.{places}f} kg m\u00b2"
+        axes.text(1.01, k, said, transform=axes.get_yaxis_transform(), va="center", fontsize=9)
+    axes.axvline(0.0, color="0.6", linewidth=1.0)
+    axes.set_yticks(np.arange(6), NAMES)
+    axes.set_ylim(5.6, -0.6)
+    axes.grid(axis="y", color="0.9", linewidth=0.8)
+    axes.set_title(
+        "estimate less nominal, % of the moment (products: of the geometric mean of two); bars: 2 std", fontsize=10
+    )
+    axes.tick_params(labelsize=8)
 
 
 def _estimate(axes: Axes, found: Identification, k: int) -> None:
@@ -120,7 +154,8 @@ def _residuals(axes: Axes, found: Identification) -> None:
             colour = _COLOURS[k % len(_COLOURS)]
             axes.plot(start + since[~out], flight.residual[~out, k], ".", markersize=2.5, color=colour, label=label)
             axes.plot(start + since[out], flight.residual[out, k], "x", markersize=3.5, color="0.65")
-        axes.text(start, 0.97, f" {number}", transform=axes.get_xaxis_transform(), va="top", fontsize=8)
+        name = "" if len(found.flights) == 1 else f" {number}"
+        axes.text(start, 0.97, name, transform=axes.get_xaxis_transform(), va="top", fontsize=8)
         start += float(since[-1]) * 1.02
         edges.append(start)
         sizes.append(np.abs(flight.residual[~out]).ravel())
@@ -133,7 +168,7 @@ def _residuals(axes: Axes, found: Identification) -> None:
     axes.set_title(
         f"wheel speed, measured minus momentum balance, rad/s; grey crosses: weight below {OUTLIER:g}", fontsize=10
     )
-    axes.set_xlabel("time in flights 1, 2, ... one after the other, s", fontsize=9)
+    axes.set_xlabel(_time_of(found), fontsize=9)
     axes.tick_params(labelsize=8)
 
 
@@ -161,7 +196,7 @@ def _told(axes: Axes, found: Identification) -> None:
     axes.set_yticks(np.arange(6) + 0.5, NAMES)
     axes.invert_yaxis()
     axes.set_title("information on each parameter by second; dark: most", fontsize=10)
-    axes.set_xlabel("time in flights 1, 2, ... one after the other, s", fontsize=9)
+    axes.set_xlabel(_time_of(found), fontsize=9)
     axes.tick_params(labelsize=8)
 
 

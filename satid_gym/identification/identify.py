@@ -19,11 +19,12 @@ from satid_gym.identification.faults import without as without_faults
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flights import FlightReport, flight_reports, folds
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
-from satid_gym.identification.rotors import rotor_inertias, rotor_notes, rotor_tolerance
+from satid_gym.identification.rotors import contradicted, rotor_inertias, rotor_notes
 from satid_gym.identification.rows import ROWS_MIN
-from satid_gym.identification.slips import check_attitude, check_fit
+from satid_gym.identification.slips.checks import check_attitude, check_fit
 from satid_gym.identification.spikes import without_spikes
-from satid_gym.identification.variation import Variation, variation
+from satid_gym.identification.tolerances import alignment_tolerance, bias_notes, rigid_notes, rotor_tolerance
+from satid_gym.identification.variation.steps_and_drift import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
@@ -41,7 +42,7 @@ class Identification:
         satellite: nominal, with the wheels that the momentum is computed with.
         inertia: (3, 3) kg m^2, wheels locked.
         covariance: (6, 6) of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, (kg m^2)^2: noise, inflated by the scatter of residuals,
-            windows and flights, and the tolerance of the rotors' inertia.
+            windows and flights, and the data sheet's tolerances of gyro and wheels.
         over_rotor: (3, 3) inertia over the first wheel's rotor inertia, the only observable ratio.
         over_rotor_covariance: (6, 6) covariance of that ratio.
         parameters: the six, the delays of the time stamps of wheel speeds and attitude relative to the gyro, and the
@@ -85,7 +86,8 @@ def identify(
         satellite: name, file, mapping or `Satellite`: its actual wheels, and a nominal inertia, which helps to find
             wrong units and does not enter the estimate.
         window: s.
-        varying: whether to test also how the inertia varies over time; see `satid_gym.identification.variation`.
+        varying: whether to test also how the inertia varies over time; see
+            `satid_gym.identification.variation.steps_and_drift`.
 
     Raises:
         NotIdentifiedError: the logs identify none of the moments of inertia; the message says why.
@@ -141,12 +143,16 @@ def identify(
         *([_ALONE] * (len(estimated.windows) == 1)),
         *([f"formal standard deviations are inflated by {inflation:.2g}"] * (inflation > INFLATION_MIN)),
         *rotor_notes(rotors, own),
+        *bias_notes(logs, estimated, own),
+        *rigid_notes(own),
         *fault_notes(logs, faults),
         *reading_notes(logs),
     ]
     rotor = own.wheels.inertia[0]
-    tolerance = rotor_tolerance(logs, own, window, estimated)
-    whole = covariance + tolerance
+    aligned = alignment_tolerance(logs, own, window, estimated)
+    tolerance = rotor_tolerance(logs, own, window, estimated) + aligned
+    by_motors = contradicted(rotors, own) * theta
+    whole = covariance + tolerance + np.outer(by_motors, by_motors)
     varied = None
     if varying:
         apart = fit.theta - straight
@@ -159,7 +165,7 @@ def identify(
         inertia=inertia,
         covariance=whole,
         over_rotor=inertia / rotor,
-        over_rotor_covariance=covariance / rotor**2,
+        over_rotor_covariance=(covariance + aligned) / rotor**2,
         parameters=(*moments, *delays, *rotors),
         flights=tuple(flight_reports(logs, own, window, estimated, without, faults)),
         inflation=inflation,

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from satid_gym.estimators.batch.regression import NAMES
-from satid_gym.identification.changes import FALSE_ALARM
 from satid_gym.identification.identify import Identification
-from satid_gym.identification.variation import Variation
+from satid_gym.identification.variation.changes import FALSE_ALARM
+from satid_gym.identification.variation.steps_and_drift import Variation
 
 SAID = {
     "constant": "constant, as far as the data show",

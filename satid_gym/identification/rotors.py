@@ -1,4 +1,4 @@
-"""Inertia of the rotors: from motor torque, if a log has it, and the effect of its tolerance on the estimate."""
+"""Inertia of the rotors from motor torque, if a log has it."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.identification.delays import Parameter
-from satid_gym.identification.estimate import Estimated, estimate
-from satid_gym.identification.slips import SlipError
+from satid_gym.identification.slips.checks import SlipError
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 from satid_gym.telemetry.log import GAP
-from satid_gym.telemetry.units import option_of
+from satid_gym.telemetry.units import option_of, turned_unit
 
 _ROWS_MIN = 8  # of a window
 _WINDOWS_MIN = 3  # whose scatter says how far to trust the mean
+_TOLD = 0.25  # of the data sheet's: with a larger standard deviation the motors say nothing of it
 _STDS, _SHARE = 3.0, 0.02  # by which motors contradict the data sheet
 
 
 def rotor_inertias(logs: Sequence[Log], satellite: Satellite, window: float) -> list[Parameter]:
     """Inertia of each rotor, kg m^2, from j (dOmega/dt + a . domega/dt) = torque - friction, integrated over windows.
 
-    Friction has a part by the sign of the speed and one that goes with it. Logs without `motor_torque` give none.
+    Friction has a part by the sign of the speed and one that goes with it. Logs without `motor_torque` give none; NaN
+    where the motors do not tell it.
 
     Raises:
         SlipError: torque and speed have opposite signs.
@@ -30,36 +31,40 @@ def rotor_inertias(logs: Sequence[Log], satellite: Satellite, window: float) -> 
     found: list[Parameter] = []
     if all(log.motor_torque is None for log in logs):
         return found
+    units = {"motor_torque": "Nm", **logs[0].units}
     for k in range(satellite.wheels.count):
         pieces = [piece for log in logs for piece in _pieces(log, satellite.wheels.axes[:, k], k, window)]
         value, std = _ratio(pieces)
         if value + _STDS * std < 0.0:
             raise SlipError(
                 f"motor_torque of wheel {k + 1} and its speed have opposite signs, expected the torque on the wheel: "
-                f"give a minus sign before the unit that the log is in, {option_of({'motor_torque': '-Nm'})}"
+                f"give {option_of({'motor_torque': turned_unit(units, 'motor_torque')})}, or negate its column"
             )
+        if not std < _TOLD * satellite.wheels.inertia[k]:
+            value, std = np.nan, np.nan
         found.append(Parameter(name=f"rotor inertia of wheel {k + 1}", value=value, std=std))
     return found
+
+
+def contradicted(rotors: Sequence[Parameter], satellite: Satellite) -> float:
+    """By how much of itself the tensor is off if the motors are right and the data sheet is wrong; 0 if they agree."""
+    pairs = zip(rotors, satellite.wheels.inertia, strict=False)
+    off = [rotor.value / sheet - 1.0 if _contradicts(rotor, sheet) else 0.0 for rotor, sheet in pairs]
+    return float(np.mean(off)) if off else 0.0
+
+
+def _contradicts(rotor: Parameter, sheet: float) -> bool:
+    return rotor.determined and abs(rotor.value - sheet) > max(_STDS * rotor.std, _SHARE * sheet)
 
 
 def rotor_notes(rotors: Sequence[Parameter], satellite: Satellite) -> list[str]:
     """A line for each rotor whose motor contradicts the data sheet."""
     return [
         f"{rotor.name} is {rotor.value:.4g} +- {rotor.std:.1g} kg m^2 by its motor's torque, and {sheet:.4g} in the "
-        "data sheet, with which the inertia tensor scales"
+        "data sheet, with which the inertia tensor scales: the intervals are wide enough for both"
         for rotor, sheet in zip(rotors, satellite.wheels.inertia, strict=False)
-        if rotor.determined and abs(rotor.value - sheet) > max(_STDS * rotor.std, _SHARE * sheet)
+        if _contradicts(rotor, sheet)
     ]
-
-
-def rotor_tolerance(logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated) -> np.ndarray:
-    """Covariance (6, 6) of theta by the tolerance of each rotor: theta with one rotor at a time off."""
-    found, wheels, tolerance = np.zeros((6, 6)), satellite.wheels, satellite.tolerances.wheel_inertia
-    for off in tolerance * np.eye(wheels.count) if tolerance > 0.0 else ():
-        built = satellite.replace(wheels=wheels.replace(inertia=wheels.inertia * (1.0 + off)))
-        move = estimate(logs, built, window).fit.theta - estimated.fit.theta
-        found += np.outer(move, move)
-    return found
 
 
 def _pieces(log: Log, axis: np.ndarray, k: int, window: float) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -78,15 +83,20 @@ def _pieces(log: Log, axis: np.ndarray, k: int, window: float) -> list[tuple[np.
             continue
         step = np.diff(log.time[rows])
         spin = speed[rows] + log.rate[rows] @ axis
-        summed = [_sum(step, part) for part in (torque[rows], np.sign(speed[rows]), speed[rows])]
-        columns = np.column_stack([spin, summed[1], summed[2]])
-        found.append((columns - columns.mean(axis=0), summed[0] - summed[0].mean()))
+        friction = np.column_stack([_between(step, part) for part in (np.sign(speed[rows]), speed[rows])])
+        columns, impulse = np.column_stack([spin, friction]), _held(step, torque[rows])
+        found.append((columns - columns.mean(axis=0), impulse - impulse.mean()))
     return found
 
 
-def _sum(step: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _held(step: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Integral (N,) of values that are held until the next reading."""
     return np.concatenate([[0.0], np.cumsum(step * values[:-1])])
+
+
+def _between(step: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Integral (N,) of values that run on straight lines from reading to reading."""
+    return np.concatenate([[0.0], np.cumsum(step * 0.5 * (values[1:] + values[:-1]))])
 
 
 def _ratio(pieces: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from satid_gym.estimators.inertia import inertia_tensors
+from satid_gym.estimators.least_squares import attitudes_after
 from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.telemetry.log import GAP, Log
 
@@ -109,7 +110,7 @@ def windows_of(
         t, w = time[rows], omega[rows]
         a = speed[rows] @ (wheels.axes * wheels.inertia).T
         if log.attitude is None:
-            attitude = _integrated(t, w)
+            attitude = attitudes_after(np.diff(t)[:, None] * 0.5 * (w[1:] + w[:-1]))
         else:
             attitude = (Rotation.from_quat(log.attitude[rows]) * Rotation.from_rotvec(delays[1] * w)).as_matrix()
         matrix = regressor(w)
@@ -203,13 +204,3 @@ def _between(time: np.ndarray, omega: np.ndarray) -> np.ndarray:
     share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
     inner = (1.0 - share) * omega[:-2] + share * omega[2:]
     return np.concatenate([omega[1:2], inner, omega[-2:-1]])
-
-
-def _integrated(time: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """C (N, 3, 3), body to the frame of the first reading, from the mean rate of each interval."""
-    turns = Rotation.from_rotvec(np.diff(time)[:, None] * 0.5 * (omega[1:] + omega[:-1])).as_matrix()
-    attitude = np.empty((len(time), 3, 3))
-    attitude[0] = np.eye(3)
-    for k, turn in enumerate(turns):
-        attitude[k + 1] = attitude[k] @ turn
-    return attitude

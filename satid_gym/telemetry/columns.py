@@ -16,6 +16,8 @@ HOW = (
     "with attitude, torque and motor_torque where there are any"
 )
 _AXIS = re.compile(r"^(.*?)[\s_.\-\[]*([xyzws]|\d)\]?$")
+_NUMBERED = re.compile(r"^(?:rw|rwa|wheel|reaction_?wheel)_?(\d)[\W_](?:speed|omega|rate|velocity|vel)$")  # "RW1_SPEED"
+_WHEELS_MIN = 3
 _TIME = {"time", "timestamp", "t", "unix", "epoch", "utc", "date", "datetime", "stamp", "seconds"}
 _RATE = {"gyro", "gyr", "gyroscope", "rate", "rates", "omega", "angular", "angvel", "imu", "bodyrate"}
 _WHEEL = {"rw", "rwa", "wheel", "wheels", "reaction", "rwspeed", "tachometer", "tacho"}
@@ -34,21 +36,28 @@ def choose(columns: Sequence[Column], named: Mapping[str, str | Sequence[str]] |
 
     Args:
         columns: of all files of a flight.
-        named: names by role, as given by the user; None: by common names.
+        named: names by role, as given by the user; time, rates and wheel speeds that it lacks, and all if it is None,
+            are found by common names.
 
     Raises:
         ValueError: a named column is not there, or what is needed cannot be found or is there twice; the message lists
             what the files hold.
     """
-    found = _named(columns, named) if named is not None else _guessed(columns)
-    for role, size in (("time", 1), ("rate", 3), ("wheel_speed", 3)):
-        if len(found.get(role, [])) < size:
+    found = _guessed(columns) if named is None else _named(columns, named)
+    for role in ("time", "rate", "wheel_speed"):
+        if not found.get(role):
             raise ValueError(f"found no columns for {role} among {_listed(columns)}; say which: {HOW}")
     for role, size in (("rate", 3), ("attitude", 4), ("torque", 3)):
         if role in found and len(found[role]) != size:
-            names = [column.header for column in found[role]]
-            raise ValueError(f"{role} takes {size} columns, found {names} among {_listed(columns)}; say which: {HOW}")
+            raise ValueError(_counted(role, str(size), found[role], columns))
+    if len(found["wheel_speed"]) < _WHEELS_MIN:
+        raise ValueError(_counted("wheel_speed", f"{_WHEELS_MIN} or more", found["wheel_speed"], columns))
     return found
+
+
+def _counted(role: str, size: str, found: Sequence[Column], columns: Sequence[Column]) -> str:
+    names = [column.header for column in found]
+    return f"{role} takes {size} columns, found {len(names)}, {names}, among {_listed(columns)}; say which: {HOW}"
 
 
 def _listed(columns: Sequence[Column]) -> str:
@@ -68,9 +77,12 @@ def _named(columns: Sequence[Column], named: Mapping[str, str | Sequence[str]]) 
                 there = "twice" if here else "not"
                 raise ValueError(f"column {name!r} for {role} is {there} there; the files hold {_listed(columns)}")
             found.setdefault(role, []).extend(here)
+    left = [column for column in columns if not any(column in mine for mine in found.values())]
     if "time" not in named:
-        found["time"] = _times(columns)
-    return found
+        found["time"] = _times(left)
+    lacking = [role for role in ("rate", "wheel_speed") if role not in named]
+    guessed = _guessed([column for column in left if _role(column)[0] in lacking]) if lacking else {}
+    return {**found, **{role: guessed[role] for role in lacking if role in guessed}}
 
 
 def _guessed(columns: Sequence[Column]) -> dict[str, list[Column]]:
@@ -109,6 +121,8 @@ def _role(column: Column) -> tuple[str, str]:
     name = re.sub(r"([a-z])([A-Z])", r"\1_\2", column.name).lower()
     if set(re.split(r"[\W_]+", name)) & _TIME:
         return "time", ""
+    if numbered := _NUMBERED.match(name):
+        return "wheel_speed", numbered[1]
     found = _AXIS.match(name)
     if not found:
         return "", ""

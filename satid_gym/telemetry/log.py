@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -25,6 +26,8 @@ class Log:
         motor_torque: (N, n) of the motors on the wheels, N m, or None; the body feels the opposite.
         name: what pages call the flight.
         notes: what was found while reading, a line each: units taken, rows left out, gaps.
+        units: that the readings were taken to be in, by role; empty for a log that no file was read for.
+        stated: the roles whose unit the files state.
 
     Raises:
         ValueError: a shape is wrong, a stamp is not finite, or stamps do not increase.
@@ -38,6 +41,8 @@ class Log:
     motor_torque: np.ndarray | None = None
     name: str = "log"
     notes: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    stated: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for name in ("time", *CHANNELS):

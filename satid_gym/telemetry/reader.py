@@ -51,7 +51,10 @@ def read_log(
     time, rate = channels.pop("rate")
     held = {role: _at(time, *channel) for role, channel in channels.items()}
     name = Path(given[0]).name if len(given) == 1 else Path(given[0]).parent.name or "log"
-    return _ordered(time, {"rate": rate, **held}, name, notes)
+    told = {role: chosen[role][0].unit for role in ALLOWED if role in chosen}
+    used = {role: units.get(role) or unit or ALLOWED[role][0] for role, unit in told.items()}
+    stated = frozenset(role for role, unit in told.items() if unit == used[role])
+    return replace(_ordered(time, {"rate": rate, **held}, name, notes), units=used, stated=stated)
 
 
 def read_logs(

@@ -14,6 +14,7 @@ import numpy as np
 from satid_gym.telemetry.units import split_header, unit_of
 
 ENDINGS = (".csv", ".tsv", ".txt", ".parquet", ".pq")
+_SHORT_MAX = 0.01  # of the rows may be cut off, as in a downlink
 _CELL = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 
 
@@ -50,16 +51,20 @@ def read_table(path: Path) -> list[Column]:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not text in UTF-8") from error
-    first = text.lstrip().partition("\n")[0]
+    lines = text.splitlines()
+    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     delimiter = max(",;\t", key=first.count)
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(map(str.strip, row))]
-    rows = [row for row in rows if not row[0].startswith("#")]
+    reader = csv.reader(lines, delimiter=delimiter)
+    rows = [(reader.line_num, row) for row in reader if any(map(str.strip, row)) and not row[0].startswith("#")]
     if len(rows) < 3:
         raise ValueError(f"{path} holds no table: expected a line of column names and two rows or more")
-    head, body = rows[0], rows[1:]
-    for number, row in enumerate(body, start=2):
-        if len(row) != len(head):
-            raise ValueError(f"{path}: row {number} has {len(row)} cells where the first line names {len(head)}")
+    (_, head), *numbered = rows
+    wrong = [(number, row) for number, row in numbered if len(row) != len(head)]
+    long = [place for place in wrong if len(place[1]) > len(head)]
+    if long or len(wrong) > max(1, _SHORT_MAX * len(numbered)):
+        number, row = (long or wrong)[0]
+        raise ValueError(f"{path}: line {number} has {len(row)} cells where the table's first line names {len(head)}")
+    body = [row + [""] * (len(head) - len(row)) for _, row in numbered]  # cut off: cells without a number
     comma = delimiter == ";"
     return [_column(path, name, [row[i] for row in body], comma) for i, name in enumerate(head)]
 

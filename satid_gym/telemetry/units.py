@@ -14,7 +14,11 @@ _NAMES: dict[str, tuple[float, tuple[str, ...]]] = {
     "rad/s": (1.0, ("rads", "radps")),
     "mrad/s": (1e-3, ("mrads",)),
     "deg/s": (DEGREE, ("degs", "dps", "degps")),
+    "mdeg/s": (1e-3 * DEGREE, ("mdegs", "mdps")),
+    "deg/h": (DEGREE / 3600.0, ("degh", "dph", "deghr", "deghour")),
     "rpm": (RPM, ("revmin", "umin", "1min")),
+    "krpm": (1e3 * RPM, ()),
+    "rev/s": (60.0 * RPM, ("revs", "rps")),
     "Nm": (1.0, ("newtonmeter", "newtonmetre")),
     "mNm": (1e-3, ()),
     "uNm": (1e-6, ()),
@@ -24,13 +28,17 @@ _NAMES: dict[str, tuple[float, tuple[str, ...]]] = {
     "ns": (1e-9, ("nanos",)),
 }
 _SHORT = {"°": "deg", "degrees": "deg", "degree": "deg", "µ": "u", "per": "", "seconds": "s", "second": "s", "sec": "s"}
-SPEEDS, TIMES, TORQUES = ("rad/s", "mrad/s", "deg/s", "rpm"), ("s", "ms", "us", "ns"), ("Nm", "mNm", "uNm")
+SPEEDS = ("rad/s", "mrad/s", "deg/s", "mdeg/s", "deg/h", "rpm", "krpm", "rev/s")
+TIMES, TORQUES = ("s", "ms", "us", "ns"), ("Nm", "mNm", "uNm")
 ALLOWED = {"time": TIMES, "rate": SPEEDS, "wheel_speed": SPEEDS, "torque": TORQUES, "motor_torque": TORQUES}
 ORDERS = ("scalar first", "scalar last")
 _HEADER = re.compile(r"^(.*?)[\s_]*[\[(]([^\])]*)[\])]\s*$")
 _ENDING = re.compile(
-    r"^(.+?)[\s_](rpm|dps|deg_?s|deg/s|rad_?s|rad/s|mrad_?s|[mu]?n_?m|ms|us|ns|s)$", flags=re.IGNORECASE
+    r"^(.+?)[\s_](k?rpm|m?dps|m?deg_?s|m?deg/s|deg/h|rad_?s|rad/s|mrad_?s|rev/s|[mu]?n_?m|ms|us|ns|s)$",
+    flags=re.IGNORECASE,
 )
+_INDEXED = re.compile(r"^(.+?)\s*[\[(](\d)[\])]$")
+_UNITLIKE = re.compile(r"[/°]|^[kmuµ]?(rad|deg|rev|rpm|hz|nm|n m)", flags=re.IGNORECASE)
 
 
 def unit_of(text: str) -> str | None:
@@ -48,11 +56,19 @@ def unit_of(text: str) -> str | None:
 
 
 def split_header(header: str) -> tuple[str, str | None]:
-    """Name and unit of a column: "gx [deg/s]", "w1 (rpm)", "rate_x_dps"; a unit that is not ours stays in the name."""
+    """Name and unit of a column: "gx [deg/s]", "w1 (rpm)", "rate_x_dps", "rw_rpm[0]".
+
+    What stands in brackets and looks like a unit is one, known or not; else it stays in the name.
+    """
+    text, index = header.strip(), ""
+    if found := _INDEXED.match(text):
+        text, index = found[1], f"_{found[2]}"
     for pattern in (_HEADER, _ENDING):
-        found = pattern.match(header.strip())
+        found = pattern.match(text)
         if found and unit_of(found[2]):
-            return found[1], unit_of(found[2])
+            return found[1] + index, unit_of(found[2])
+        if found and pattern is _HEADER and _UNITLIKE.search(found[2]):
+            return found[1] + index, found[2]
     return header.strip(), None
 
 
@@ -61,6 +77,12 @@ def option_of(units: Mapping[str, str]) -> str:
     words = " ".join(shlex.quote(f"{role}={unit}") for role, unit in units.items())
     python = ", ".join(f'"{role}": "{unit}"' for role, unit in units.items())
     return f"--units {words} (Python: units={{{python}}})"
+
+
+def turned_unit(units: Mapping[str, str], role: str) -> str:
+    """Unit with the opposite sign of the one that a role's columns are in; rad/s where none is stated."""
+    unit = units.get(role, "rad/s")
+    return unit.strip()[1:] if unit.strip().startswith("-") else f"-{unit}"
 
 
 def factor(role: str, unit: str) -> float:

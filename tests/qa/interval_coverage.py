@@ -98,7 +98,7 @@ def misses(population: Population, count: int, simulations: int, seed: int = 0) 
 def _scores(errors: np.ndarray) -> dict[str, np.ndarray]:
     """An episode's scores with these final errors; the others are of no interest here."""
     names = ("mean_error", "time_to_1pct_s", "outside_fraction", "information_nats", "nees", "effort")
-    others = dict.fromkeys((*names, "saturated_fraction", "terminated", "reward"), np.zeros(len(errors)))
+    others = dict.fromkeys((*names, "saturated_fraction", "terminated", "reward", "cost"), np.zeros(len(errors)))
     return {**others, "final_error": errors}
 
 

@@ -20,9 +20,9 @@ import scipy.linalg
 
 from satid_gym.estimators.batch.regression import SIGNAL_MIN
 from satid_gym.estimators.inertia import inertia_tensors
-from satid_gym.identification.course import Course
 from satid_gym.identification.fit import bisquare, first_noise, noise_of, projected, residual_of
 from satid_gym.identification.rows import Window
+from satid_gym.identification.variation.course import Course
 
 _ROUNDS = 6
 _RIDGE = 1e-9  # of the instruments' scale: keeps the equations solvable

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from satid_gym.identification.course import Course
-from satid_gym.identification.knots import Balance
+from satid_gym.identification.variation.course import Course
+from satid_gym.identification.variation.knots import Balance
 
 FALSE_ALARM = 0.01
 DRAWS = 1000
@@ -167,7 +167,7 @@ def judge(balance: Balance, course: Course, rng: np.random.Generator) -> Verdict
     step_gain, drift_gain = gains(constant.rest)
     seen = max(float(step_gain.max()) / step_limit, float(drift_gain) / drift_limit)
     return Verdict(
-        p=float((np.maximum(steps / step_limit, drifts / drift_limit) >= seen).mean()),
+        p=float((np.maximum(steps / step_limit, drifts / drift_limit) >= seen).sum() + 1) / (DRAWS + 1),
         step_gain=step_gain,
         step_limit=step_limit,
         drift_gain=float(drift_gain),

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from satid_gym.identification.changes import Likelihood
-from satid_gym.identification.course import Course
 from satid_gym.identification.estimate import common_stds, theta_sizes
-from satid_gym.identification.instants import Instant, Surroundings, step_instant
-from satid_gym.identification.knots import Balance, balance, knots_of
 from satid_gym.identification.rows import Window, windows_of
+from satid_gym.identification.variation.changes import Likelihood
+from satid_gym.identification.variation.course import Course
+from satid_gym.identification.variation.instants import Instant, Surroundings, step_instant
+from satid_gym.identification.variation.knots import Balance, balance, knots_of
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from satid_gym.estimators.batch.regression import STD_MAX
-from satid_gym.identification.changes import Likelihood, Verdict, judge
-from satid_gym.identification.course import Course
 from satid_gym.identification.estimate import Estimated, theta_sizes
-from satid_gym.identification.knots import Balance
-from satid_gym.identification.search import Search
+from satid_gym.identification.variation.changes import Likelihood, Verdict, judge
+from satid_gym.identification.variation.course import Course
+from satid_gym.identification.variation.knots import Balance
+from satid_gym.identification.variation.search import Search
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 

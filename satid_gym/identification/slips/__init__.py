@@ -1,0 +1,1 @@
+"""Slips that make a log contradict its satellite."""

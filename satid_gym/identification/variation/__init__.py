@@ -1,0 +1,1 @@
+"""Variation of the inertia over time."""
