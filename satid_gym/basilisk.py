@@ -10,15 +10,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from Basilisk.architecture import messaging
-from Basilisk.simulation import (
-    extForceTorque,
-    hingedRigidBodyStateEffector,
-    linearSpringMassDamper,
-    reactionWheelStateEffector,
-    spacecraft,
-)
-from Basilisk.utilities import SimulationBaseClass, macros, simIncludeRW
+
+try:
+    from Basilisk.architecture import messaging
+    from Basilisk.simulation import (
+        extForceTorque,
+        hingedRigidBodyStateEffector,
+        linearSpringMassDamper,
+        reactionWheelStateEffector,
+        spacecraft,
+    )
+    from Basilisk.utilities import SimulationBaseClass, macros, simIncludeRW
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        'Basilisk is missing: pip install ".[basilisk]" in the checkout', name="Basilisk"
+    ) from error
 
 from satid_gym.oscillators import Oscillator, Panel
 from satid_gym.truth.protocol import Episode, State

@@ -153,8 +153,8 @@ def _limits(rng: np.random.Generator, r: SatelliteRanges) -> tuple[float, float,
         if rate_limit * momentum <= r.gyroscopic * authority:
             return rate_limit, authority, momentum
     raise ValueError(
-        f"rate limits {r.rate_limit} with momenta {r.momentum} need more torque than authorities {r.authority} give "
-        f"{_DRAWS_MAX} draws long: draw from less rate and momentum or from more authority"
+        f"in {_DRAWS_MAX} draws, authority {r.authority} never gave enough torque for rate_limit {r.rate_limit} and "
+        f"momentum {r.momentum}: lower these or raise authority"
     )
 
 
@@ -189,7 +189,7 @@ def _scattered(rng: np.random.Generator, count: int) -> np.ndarray:
         left = [np.delete(axes, i, axis=1) for i in range(count)] if count > 3 else []
         if _evenness(axes) >= _EVENNESS_MIN and all(_evenness(a) >= _EVENNESS_LEFT_MIN for a in left):
             return axes
-    raise RuntimeError(f"{_DRAWS_MAX} draws of {count} directions reached no axis: the generator draws no directions")
+    raise RuntimeError(f"none of {_DRAWS_MAX} draws of {count} wheel axes was spread evenly enough")
 
 
 def _evenness(axes: np.ndarray) -> float:

@@ -177,7 +177,7 @@ over the rate limit, less 1, where positive |
 limit; "deflection": share of the samples with a panel or a slosh mass beyond its limit; "avoided_band": \
 `in_avoided_band`; "window": share of the samples in an open imaging window with the payload off its target or not \
 steady; "keep_out": share of the samples with the payload looking too near the Sun |
-    | cost | the largest of them (as in Safety-Gymnasium) |
+    | cost | the largest of them; Safety-Gymnasium's one cost is the sum of its costs |
     | effort | mean square of the torque over its limit |
     | in_avoided_band | share of the decision's samples with a wheel's speed in the band that operators avoid |
     | tracking | share of the decision's samples at which the star tracker sees its stars; 0 without one |
@@ -206,14 +206,15 @@ periodic inertia can cause it too |
     |---|---|---|
     | satellite | "microsat" | "cubesat", "microsat", "smallsat", "innocube", "random", a `Satellite`, or a list to \
 draw from |
-    | inertia | "random" | "static", "step", "drift", "periodic", "random", or an `InertiaLaw` |
+    | inertia | "random" | "static", "step", "drift", "periodic", "random" (one of these four), "deployment", "fuel", \
+"release", or an `InertiaLaw` |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
 (a tank), "calibration" (a star tracker), "operations" (imaging windows), "paper", or a `Scenario` |
     | estimator | None | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |
     | max_episode_steps | 300 | horizon in decisions; `gymnasium.make` uses it only for its TimeLimit, which does not \
-change the horizon; there give `scenario={"horizon": seconds}` |
+change the horizon; there give `scenario={"horizon": seconds}`, and not both |
     | render_mode | None | "rgb_array"; through `gymnasium.make` also "human" |
     | render_size | 480 | width and height of a frame in pixels, 240 to 2160 |
     | include_covariance | False | whether the filter's whole covariance is observed |
@@ -282,6 +283,11 @@ another simulator, or its module:name |
         """Places of the observation's parts by name."""
         return self.problem.layout
 
+    @property
+    def _started(self) -> bool:
+        """Whether the random stream was, which is with the first reset."""
+        return bool(self.fleet.rows.plants["stream"].any())
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
@@ -300,10 +306,9 @@ another simulator, or its module:name |
                 episode.
         """
         templates = option_templates(self.problem, options) if options else self.fleet.templates
-        first = self._np_random is None
         super().reset(seed=seed)
         rows = self.fleet.rows
-        if first or seed is not None:
+        if seed is not None or not self._started:
             rows.plants["stream"][0] = seed_stream(self.np_random)
         if self._truth is None:
             self.fleet.begin(templates=templates.records)
@@ -326,10 +331,10 @@ another simulator, or its module:name |
             Observation, reward, terminated, truncated, info.
 
         Raises:
-            ValueError: the action is not finite or has another shape; nothing has changed.
+            ValueError: the action is not finite or has another shape, and nothing has changed; or a truth of your own
+                returned an invalid answer, and the episode is over.
             gymnasium.error.ResetNeeded: the episode is over or was never started.
             FloatingPointError: the filter broke down.
-            ValueError: what a truth of your own answers is not valid; the episode is over.
         """
         action = real_action("action", action)
         if action.shape != self.action_space.shape:
@@ -338,7 +343,8 @@ another simulator, or its module:name |
             raise ValueError(f"action must be finite, got {action.tolist()}")
         rows = self.fleet.rows
         if rows.tasks["over"][0]:
-            raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
+            why = "the episode is over" if self._started else "no episode was started"
+            raise gymnasium.error.ResetNeeded(f"{why}: call reset() before step()")
         if self._plugin is not None:
             self._plugin.decide(action)
         elif self._truth is not None:

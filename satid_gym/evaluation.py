@@ -72,7 +72,9 @@ class Flight:
         effort: mean square of the torque over its limit.
         reward: reward of each decision.
         saturated: share of the wheels that were at their speed limit.
-        alive: False after a termination; from then on error keeps its last value, outside is 1 and the rest is 0.
+        cost: largest of the decision's costs, `info["cost"]`: limits of rates, wheels, panels, tanks and payload.
+        alive: False after a termination; from then on error keeps its last value, outside and cost are 1, and the rest
+            is 0.
         settled: whether a filter can know the inertia, see `satid_gym.metrics.settled`.
     """
 
@@ -84,6 +86,7 @@ class Flight:
     effort: np.ndarray
     reward: np.ndarray
     saturated: np.ndarray
+    cost: np.ndarray
     alive: np.ndarray
     settled: np.ndarray
 
@@ -101,6 +104,7 @@ class Flight:
             "saturated_fraction": self.saturated.mean(axis=0),
             "reward": self.reward.sum(axis=0),
             "terminated": ~self.alive[-1],
+            "cost": self.cost.mean(axis=0),
         }
 
 
@@ -127,8 +131,14 @@ def fly(
         truth: class or function that makes a truth for each episode, or its module:name; None: the environment's own.
 
     Raises:
-        ValueError: the policy cannot fly there, a name or value is not valid, or episodes would share a truth.
+        ValueError: the policy is none or cannot fly there, a name or value is not valid, or episodes would share a
+            truth.
     """
+    if isinstance(policy, type) or not callable(policy) or not hasattr(policy, "reset"):
+        raise ValueError(
+            f"policy must be an object with reset(mission, seeds) and a call for each decision, got {policy!r}: make "
+            'one, such as find("generalist") or make_baseline("sine", "microsat") of satid_gym.policies'
+        )
     settings = {
         "satellite": satellite,
         "inertia": inertia,
@@ -154,7 +164,7 @@ def fly(
     policy.reset(mission, seeds)
     observation, _ = env.reset(seed=list(seeds))
     decisions, count = world.decisions, len(seeds)
-    names = ("error", "outside", "nees", "information", "effort", "reward", "saturated")
+    names = ("error", "outside", "nees", "information", "effort", "reward", "saturated", "cost")
     series = {name: np.zeros((decisions, count)) for name in names}
     alive = np.ones((decisions + 1, count), bool)
     stepped, turning = np.zeros((2, decisions, count), bool)
@@ -169,6 +179,7 @@ def fly(
         series["effort"][t] = np.where(now, info["effort"], 0.0)
         series["reward"][t] = np.where(now, rewards, 0.0)
         series["saturated"][t] = np.where(now, info["saturated"].mean(axis=1), 0.0)
+        series["cost"][t] = np.where(now, info["cost"], 1.0)
         stepped[t], turning[t] = stepped_and_turning(*_records(fleets, "plants", "tasks"))
         alive[t + 1] = now & ~terminated
     env.close()

@@ -60,14 +60,24 @@ def write_bytes(path: Path, content: bytes) -> None:
         part.write_bytes(content)
 
 
-def check_writable(folder: Path) -> None:
+def check_writable(folder: Path, *, stays: bool = True) -> None:
     """Check before long work that its results can be written to a folder, which is created if missing.
+
+    Args:
+        folder: where to write.
+        stays: whether folders created here stay; if not, a command that fails leaves none, and the writers here create
+            them again.
 
     Raises:
         OSError: they cannot.
     """
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
     folder.mkdir(parents=True, exist_ok=True)
-    tempfile.TemporaryFile(dir=folder).close()
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    finally:
+        for one in () if stays else missing:
+            one.rmdir()
 
 
 def write_text(path: Path, text: str) -> None:

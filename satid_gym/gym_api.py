@@ -17,6 +17,7 @@ from satid_gym.problem import Problem
 from satid_gym.resolution import resolve_inertia, resolve_satellites
 from satid_gym.templates import EpisodeTemplates, build_templates
 
+_PLANNER = 3  # of a random stream, so that it has other draws than the environment of the same seed
 RESET_OPTIONS = ("satellite", "inertia", "true_inertia")
 INFO_KEYS = (
     "time",
@@ -64,6 +65,11 @@ def make_spaces(p: Problem) -> tuple[spaces.Box, spaces.Box]:
 def seed_stream(rng: np.random.Generator) -> np.ndarray:
     """First state (4,) of an environment's random stream, from its generator."""
     return rng.integers(1, 2**64, size=4, dtype=np.uint64)
+
+
+def planner_streams(seeds: Sequence[int]) -> np.ndarray:
+    """First states (N, 4) of a planner's random streams, one for each episode, apart from the environments'."""
+    return np.stack([seed_stream(np.random.default_rng([seed, _PLANNER])) for seed in seeds])
 
 
 def seed_list(seed: int | Sequence[int | None] | None, count: int) -> list[int | None]:
@@ -153,11 +159,7 @@ def option_templates(p: Problem, options: Mapping[str, Any]) -> EpisodeTemplates
             )
     sheet, *others = map(p.scenario.operate, (p.satellites[0], *satellites))
     for other in others:
-        same_kinds = other.tolerances.kinds == sheet.tolerances.kinds
-        same_kinds = same_kinds and other.sensors.are_timed == sheet.sensors.are_timed
-        same_kinds = same_kinds and (other.sensors.star_tracker is None) == (sheet.sensors.star_tracker is None)
-        same_kinds = same_kinds and p.estimator.tells_sky(other) == p.estimator.tells_sky(sheet)
-        if not same_kinds or p.estimator.other_states(other) != p.estimator.other_states(sheet):
+        if p.filter_needs(other) != p.filter_needs(sheet):
             raise ValueError(
                 "the satellite for this episode must have tolerances of the same kinds and sensors like the "
                 "environment's, whose filter has states for them: give scenario tolerances and sensors, which replace "

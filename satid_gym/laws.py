@@ -50,7 +50,7 @@ class InertiaLaw(Config):
         mode: static, step, drift, periodic, deployment, fuel, release or table.
         size: the change relative to J0: change = size J0.
         time: s; when a step, a release or a deployment comes; how long drift or fuel take until their full size.
-        frequency: Hz, of the periodic law.
+        frequency: Hz, of the periodic law, which needs one above 0.
         phase: rad, of the periodic law.
         change: (3,) or (3, 3) kg m^2, body frame; an absolute change of the tensor instead of size J0.
         mass: kg; of deployment, fuel and release, reduced as said above.
@@ -86,6 +86,11 @@ class InertiaLaw(Config):
         check_number("time of the inertia law", self.time, strict=self.mode in ("drift", "fuel"))
         check_number("duration of the inertia law", self.duration, strict=True)
         check_number("frequency of the inertia law", self.frequency)
+        if self.mode == "periodic" and self.frequency == 0.0:
+            raise ValueError(
+                'a law with mode "periodic" needs a frequency above 0 Hz, got 0: with it the inertia would not vary; '
+                'give frequency, such as 0.02, or mode "static"'
+            )
         check_number("phase of the inertia law", self.phase, low=-np.inf)
         if self.change is not None:
             change = real_array("change of the inertia law", self.change, (3,), (3, 3))

@@ -87,9 +87,9 @@ def beyond_envelope(outside_fraction: float, saturated_fraction: float) -> float
     return max(outside_fraction, saturated_fraction)
 
 
-def iqm(values: np.ndarray, axis: int = -1) -> np.ndarray:
-    """Interquartile mean: the mean of the middle half. Source: Agarwal et al., NeurIPS 2021."""
-    return scipy.stats.trim_mean(values, 0.25, axis=axis)
+def iqm(values: np.ndarray) -> np.ndarray:
+    """Interquartile mean along the last axis: the mean of the middle half. Source: Agarwal et al., NeurIPS 2021."""
+    return scipy.stats.trim_mean(values, 0.25, axis=-1)
 
 
 def improvements(values: np.ndarray, others: np.ndarray) -> np.ndarray:

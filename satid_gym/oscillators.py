@@ -13,6 +13,7 @@ from satid_gym.rigid_body import part_inertia, point_inertia, turn_slope
 
 OSCILLATORS_MAX = 8  # of a satellite, the two of a mirrored pair counted apart
 _UNIT_TOLERANCE = 1e-6  # of a direction, whose length must be 1
+_OWN = (("hinge", "axis", "arm"), ("position", "direction"))  # names that only panels, only slosh masses have
 _DAMPING_MAX, _LOG_STD_MAX = 0.5, 0.5
 
 
@@ -222,13 +223,11 @@ def _unit(name: str, value: object) -> np.ndarray:
     length = np.linalg.norm(vector)
     if abs(length - 1.0) > _UNIT_TOLERANCE:
         raise ValueError(f"{name} must be a unit vector, got {vector.tolist()} of length {length:g}: divide by it")
-    vector = vector / length
-    vector.flags.writeable = False
-    return vector
+    return real_array(name, vector / length)
 
 
 def oscillators_of(value: object) -> tuple[Oscillator, ...]:
-    """Panels and slosh masses, or mappings of their settings, as a tuple; a mapping with a hinge is a panel.
+    """Panels and slosh masses, or mappings of their settings, as a tuple; a mapping is what most of its names are of.
 
     Raises:
         ValueError: one is neither, a setting is not valid, or there are more than 8.
@@ -238,13 +237,14 @@ def oscillators_of(value: object) -> tuple[Oscillator, ...]:
     found = []
     for item in value:
         if isinstance(item, Mapping):
-            item = (Panel if "hinge" in item else SloshMass).from_dict(item)
+            panel, slosh = (sum(name in item for name in own) for own in _OWN)
+            if panel == slosh == 0:
+                has = f"has {', '.join(_OWN[0])}, a slosh mass {' and '.join(_OWN[1])}"
+                raise ValueError(f"an oscillator is a panel or a slosh mass: a panel {has}; got {list(item)}")
+            item = (Panel if panel >= slosh else SloshMass).from_dict(item)
         if not isinstance(item, Oscillator):
             raise ValueError(f"an oscillator must be a Panel, a SloshMass or a mapping of its settings, got {item!r}")
         found.append(item)
-    count = oscillator_count(found)
-    if count > OSCILLATORS_MAX:
-        raise ValueError(
-            f"a satellite has at most {OSCILLATORS_MAX} oscillators, mirrored ones count twice; got {count}"
-        )
+    if (count := oscillator_count(found)) > OSCILLATORS_MAX:
+        raise ValueError(f"a satellite has at most {OSCILLATORS_MAX} oscillators, mirrored count twice; got {count}")
     return tuple(found)

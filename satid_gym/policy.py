@@ -74,7 +74,7 @@ def only_mission(problem: Problem) -> Mission:
     first, *others = (satellite.replace(oscillators=()) for satellite in problem.satellites)
     if any(other != first for other in others):
         names = list(dict.fromkeys(satellite.name for satellite in problem.satellites))
-        raise ValueError(f"a policy is told of one satellite, and here are {names}: fly each by itself")
+        raise ValueError(f"a policy is prepared for one satellite, and the problem has {names}: fly each separately")
     return missions(problem)[0]
 
 
@@ -101,15 +101,20 @@ class Policy(Protocol):
         """Action (N, n), or (N, 3) body rates, in [-1, 1] for observations (N, size)."""
 
 
-def includes_covariance(policy: Policy) -> bool:
-    """Whether a policy needs the filter's whole covariance, the environment's `include_covariance`."""
-    return bool(getattr(policy, "include_covariance", False))
+def check_commands_rates(mission: Mission, name: str) -> None:
+    """Check that the environment takes body rates, which a policy commands.
+
+    Raises:
+        ValueError: it takes torques.
+    """
+    if mission.control != "rate":
+        raise ValueError(f'{name} commands body rates: make the environment with control="rate"')
 
 
 def observation_settings(policy: Policy) -> dict[str, Any]:
     """Settings of an environment or problem that give the observations a policy needs."""
     return {
-        "include_covariance": includes_covariance(policy),
+        "include_covariance": bool(getattr(policy, "include_covariance", False)),
         "observation": getattr(policy, "observation", "wheels"),
         "include_walk": bool(getattr(policy, "include_walk", False)),
     }

@@ -122,6 +122,16 @@ class Problem(Config):
         elif missed:
             self.check_parameters(missed)
 
+    def filter_needs(self, sheet: Satellite) -> tuple[object, ...]:
+        """What the filter's states follow from: satellites that share a filter agree in it.
+
+        Args:
+            sheet: the satellite as the scenario operates it.
+        """
+        sensors, own = sheet.sensors, self.estimator
+        seen = (sensors.are_timed, sensors.star_tracker is None, own.tells_sky(sheet))
+        return (sheet.tolerances.kinds, *seen, own.other_states(sheet))
+
     def _products(self) -> str:
         """Description of what has products of inertia about the body axes; "" if nothing has."""
         changes = self.inertia.changes if isinstance(self.inertia, InertiaLaw) else ()
@@ -211,12 +221,16 @@ def problem(
     """Problem from the arguments of `gymnasium.make`.
 
     Raises:
-        ValueError: a name is unknown or a value is not valid.
+        ValueError: a name is unknown or a value is not valid, or two horizons are given.
     """
     world = resolve_scenario(scenario)
     if max_episode_steps is not None:
         steps = check_integer("max_episode_steps", max_episode_steps)
-        world = world.replace(horizon=steps * world.decision_period)
+        horizon = steps * world.decision_period
+        if isinstance(scenario, Mapping) and "horizon" in scenario and not np.isclose(horizon, world.horizon):
+            given = f"max_episode_steps={steps} makes a horizon of {horizon:g} s, and the scenario's settings say"
+            raise ValueError(f"{given} {world.horizon:g} s: give one of the two")
+        world = world.replace(horizon=horizon)
     satellites = world.equip(resolve_satellites(satellite))
     for name in world.prior_scale:
         known = {"*", *SATELLITES, *(s.name for s in satellites)}

@@ -95,7 +95,7 @@ class ReactionWheels(Config):
 
     @property
     def null_direction(self) -> np.ndarray:
-        """Momenta (n,) of n > 3 wheels that cancel each other, at most 1, the smallest as large as was found."""
+        """Relative momenta (n,) of n > 3 wheels that cancel; the largest is 1, the smallest as large as was found."""
         null = np.eye(self.count) - np.linalg.pinv(self.axes) @ self.axes
         signs = np.ones((2 ** min(self.count - 1, _SIGNS), self.count))
         signs[:, 1 : _SIGNS + 1] = list(itertools.product([1.0, -1.0], repeat=min(self.count - 1, _SIGNS)))

@@ -30,7 +30,16 @@ def _check_limits(limits: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def _chosen(info: Mapping[str, Any], limits: Mapping[str, float]) -> Any:
-    """The costs of an info that have limits, (..., k); the largest of all where none has."""
+    """The costs of an info that have limits, (..., k); the largest of all where none has.
+
+    Raises:
+        ValueError: there are no costs in the info.
+    """
+    if "cost" not in info or "costs" not in info:
+        raise ValueError(
+            f"the environment's info has no costs, only {sorted(info)}: expected SatInertiaIDEnv or "
+            "SatInertiaIDVectorEnv, also in wrappers that leave infos as they are"
+        )
     if not limits:
         return info["cost"]
     return np.stack([np.asarray(info["costs"][name], dtype=float) for name in limits], axis=-1)

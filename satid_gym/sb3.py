@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
+from satid_gym.gym_api import COSTS
 from satid_gym.policy import missions
 from satid_gym.vector import SatInertiaIDVectorEnv
 
@@ -25,8 +26,9 @@ class SatInertiaIDVecEnv(VecEnv):
     """`SatInertiaIDVectorEnv` as a Stable-Baselines3 `VecEnv`.
 
     The info of an episode's last step holds `terminal_observation`, `TimeLimit.truncated`, `episode`
-    (as Stable-Baselines3's Monitor gives it) and the final `relative_error`; other infos are empty, because
-    no algorithm reads them and making them takes longer than a step.
+    (as Stable-Baselines3's Monitor gives it), the final `relative_error`, and `costs`: by name, the mean of each cost
+    over the episode's decisions. Other infos are empty, because no algorithm reads them and making them takes longer
+    than a step.
 
     Args:
         num_envs: number of environments.
@@ -47,6 +49,7 @@ class SatInertiaIDVecEnv(VecEnv):
         self._actions: np.ndarray | None = None
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, np.int64)
+        self._costs = np.zeros((num_envs, len(COSTS)))  # sums over the episode so far, as the returns
         self._start = time.monotonic()
         super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
 
@@ -59,7 +62,7 @@ class SatInertiaIDVecEnv(VecEnv):
         observations, _ = self.vector_env.reset(seed=seeds, options=options)
         self._reset_seeds()
         self._reset_options()
-        self._returns[:], self._lengths[:] = 0.0, 0
+        self._begin_sums(slice(None))
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return observations
 
@@ -76,6 +79,8 @@ class SatInertiaIDVecEnv(VecEnv):
         self._returns += rewards
         self._lengths += 1
         dones = terminated | truncated
+        fleet = self.vector_env.fleet  # whose reports are those of new episodes where old ones are done
+        self._costs += np.where(dones[:, None], fleet.final.reports["costs"], fleet.rows.reports["costs"])
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(dones):
             infos[i] = {
@@ -87,17 +92,26 @@ class SatInertiaIDVecEnv(VecEnv):
                     "l": int(self._lengths[i]),
                     "t": round(time.monotonic() - self._start, 6),
                 },
+                "costs": dict(zip(COSTS, (self._costs[i] / self._lengths[i]).tolist(), strict=True)),
             }
-            self._returns[i], self._lengths[i] = 0.0, 0
+        self._begin_sums(dones)
         return observations, rewards.astype(np.float32), dones, infos
+
+    def _begin_sums(self, rows: slice | np.ndarray) -> None:
+        """Begin the sums of new episodes in some rows, (N,) bool or a slice."""
+        self._returns[rows], self._lengths[rows], self._costs[rows] = 0.0, 0, 0.0
 
     def close(self) -> None:
         """End the threads."""
         self.vector_env.close()
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """The attribute of the vector environment, once for each index."""
-        return [getattr(self.vector_env, attr_name) for _ in self._get_indices(indices)]
+        """The attribute of the vector environment, once for each index; of spaces, one environment's.
+
+        Spaces are those that an algorithm sees; `problem` is that of `vector_env`, below any rate loop of this adapter.
+        """
+        owner = self if attr_name in ("action_space", "observation_space") else self.vector_env
+        return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
         """Unsupported: the environments of a compiled vector share their attributes and methods."""
@@ -121,12 +135,13 @@ class SatInertiaIDVecEnv(VecEnv):
 
     def state(self) -> dict[str, np.ndarray]:
         """State from which `restore` continues exactly."""
-        return {**self.vector_env.state(), "returns": self._returns.copy(), "lengths": self._lengths.copy()}
+        sums = {"returns": self._returns, "lengths": self._lengths, "costs": self._costs}
+        return {**self.vector_env.state(), **{name: values.copy() for name, values in sums.items()}}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Return to a `state` of an adapter with the same settings."""
         self.vector_env.restore(state)
-        self._returns, self._lengths = state["returns"].copy(), state["lengths"].copy()
+        self._returns, self._lengths, self._costs = (state[name].copy() for name in ("returns", "lengths", "costs"))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seeds for the next reset: seed + i for environment i."""

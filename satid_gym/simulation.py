@@ -83,7 +83,7 @@ def simulate(
         ValueError: an argument is not finite, has another shape, or a wheel starts beyond its limit.
     """
     if not isinstance(satellite, Satellite):
-        raise ValueError(f"satellite must be a Satellite (SATELLITES has four by name), got {satellite!r}")
+        raise ValueError(f'satellite must be a Satellite, such as SATELLITES["microsat"], got {satellite!r}')
     if law is not None and not isinstance(law, InertiaLaw):
         raise ValueError(f"law must be an InertiaLaw, got {law!r}")
     wheels = satellite.wheels

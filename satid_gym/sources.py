@@ -1,4 +1,4 @@
-"""Sources of user-defined satellites, scenarios and inertia laws: a file's path, `module:name` or JSON text.
+"""Sources of user-defined satellites, scenarios, inertia laws and code: a file's path, `module:name` or JSON text.
 
     my.toml, my.json        settings by name, as `from_dict` takes them; reading one runs no code
     law.csv                 of an inertia law: columns time, factor, or time, xx, yy, zz[, xy, xz, yz]
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import csv
 import importlib
+import inspect
 import json
 import os
 import re
@@ -37,9 +38,7 @@ T = TypeVar("T", bound=Config)
 
 def is_source(text: object) -> bool:
     """Whether a text is a file's path, module:name or JSON, rather than a name in the catalogue."""
-    return isinstance(text, str) and (
-        text.startswith("{") or Path(text).suffix.lower() in _FILES or _IN_MODULE.fullmatch(text) is not None
-    )
+    return isinstance(text, str) and (text.startswith("{") or Path(text).suffix.lower() in _FILES or in_module(text))
 
 
 def load(text: str, kind: type[T], build: Callable[[Mapping[str, Any]], T]) -> T:
@@ -87,6 +86,26 @@ def imported(text: str) -> Any:
     if inside is None:
         raise ValueError(f"expected module:name, got {text!r}")
     return _imported(inside[1], inside[2])
+
+
+def made(factory: Any, kind: str) -> Any:
+    """What a class or function makes without arguments.
+
+    Raises:
+        ValueError: it is neither, or needs arguments.
+    """
+    try:
+        inspect.signature(factory).bind()
+    except TypeError as error:
+        raise ValueError(
+            f"{kind}: {factory!r} is not made without arguments ({error}): give an object, or functools.partial of it"
+        ) from error
+    return factory()
+
+
+def in_module(text: str) -> bool:
+    """Whether a text is module:name."""
+    return _IN_MODULE.fullmatch(text) is not None
 
 
 def _imported(module: str, name: str) -> Any:

@@ -108,9 +108,13 @@ def _write_operations(row: np.void, operations: Operations, rate_limit: float) -
     row["on"], row["boresight"] = 1, operations.boresight
     row["gap"], row["window"] = operations.gap, operations.window
     row["slew"], row["slew_max"] = rate_limit * np.array(operations.slew), SLEW_MAX
-    row["pointing_cosine"], row["steadiness"] = np.cos(operations.pointing), operations.steadiness
+    _write_window_limits(row, operations)
     row["keep_out_cosine"] = np.cos(operations.keep_out) if operations.keep_out > 0.0 else SEES_ALL
     row["clear_cosine"] = np.cos(operations.keep_out + operations.clearance)
+
+
+def _write_window_limits(row: np.void, operations: Operations) -> None:
+    row["pointing_cosine"], row["steadiness"] = np.cos(operations.pointing), operations.steadiness
 
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
@@ -123,6 +127,7 @@ def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     task["tells_sun"], task["tells_earth"] = p.tells_sky
     if scenario.operations is not None:
         task["tells_window"], task["payload"] = 1, scenario.operations.boresight
+        _write_window_limits(task, scenario.operations)
     task["orbit_rate"] = scenario.orbit_rate
     wheels = satellite.wheels
     task["torque_max"], task["wheel_speed_max"] = wheels.max_torque, wheels.max_speed

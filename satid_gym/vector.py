@@ -25,10 +25,11 @@ from satid_gym.reward import RewardSettings
 
 
 def _autoreset_mode(value: str | AutoresetMode) -> AutoresetMode:
-    try:
-        return AutoresetMode(value)
-    except ValueError:
-        raise unknown_name("autoreset mode", value, [mode.value for mode in AutoresetMode]) from None
+    """The mode by the name of Gymnasium's member, such as SAME_STEP, or by its value, SameStep."""
+    for mode in AutoresetMode:
+        if value in (mode, mode.name, mode.value):
+            return mode
+    raise unknown_name("autoreset mode", value, [mode.name for mode in AutoresetMode])
 
 
 class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -39,8 +40,10 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     Args:
         num_envs: number of environments.
-        satellite, inertia, scenario, estimator, reward, max_episode_steps, include_covariance, control, observation:
-            as in `SatInertiaIDEnv`; the estimator is a compiled one, and `truth` is the environment's own.
+        satellite, inertia, scenario, estimator, reward, max_episode_steps: as in `SatInertiaIDEnv`; the estimator is a
+            compiled one.
+        include_covariance, control, observation, include_walk: as in `SatInertiaIDEnv`.
+        render_mode, truth: must be None.
         autoreset_mode: Gymnasium's; NEXT_STEP (default), SAME_STEP, or DISABLED with
             `reset(options={"reset_mask": mask})`.
         num_threads: largest number of threads; None: all cores.
@@ -140,6 +143,11 @@ class SatInertiaIDVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Generators that the environments' streams were started from."""
         return tuple(self._generators)
+
+    @property
+    def layout(self) -> dict[str, slice]:
+        """Places of the parts of one environment's observation by name: `observations[:, layout["rate"]]`."""
+        return self.problem.layout
 
     @property
     def satellite_index(self) -> np.ndarray:

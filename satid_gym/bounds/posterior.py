@@ -144,7 +144,7 @@ def population_bound(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
 
 
 def episode_bounds(covariance: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """The same (N, T) for each episode by itself."""
+    """Least mean square (N, T) of the relative error of the inertia, episode by episode."""
     return _relative(covariance, inertia).trace(axis1=2, axis2=3)
 
 

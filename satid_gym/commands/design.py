@@ -34,13 +34,15 @@ def add(parts: Any) -> None:
     own = parts.add_parser(
         "design",
         help="manoeuvre that identifies a satellite's inertia",
-        description="Design the manoeuvre that identifies a satellite's inertia best, from rest to rest, within the "
-        "limits of its data sheet.",
+        description="Design the manoeuvre that identifies a satellite's inertia best, within the limits of its data "
+        "sheet: from rest to rest by a rate loop, from rest by torque in open loop.",
         epilog=_EXAMPLES,
         formatter_class=HelpFormatter,
     )
     own.add_argument("satellite", help="data sheet: name, .toml or .json file")
-    own.add_argument("--duration", type=float, default=300.0, metavar="S", help="s from rest to rest; default 300")
+    own.add_argument(
+        "--duration", type=float, default=300.0, metavar="S", help="s, by rates from rest to rest; default 300"
+    )
     own.add_argument(
         "--accuracy", type=float, metavar="STD", help="required of every moment, relative; default: the best possible"
     )
@@ -72,7 +74,7 @@ def run(given: argparse.Namespace) -> int:
     keep_outs = [_keep_out(word) for word in given.keep_out]
     if given.turn_limit is not None:
         check_number("--turn-limit", given.turn_limit, strict=True, high=180.0)
-    check_writable(given.output)
+    check_writable(given.output, stays=False)
     found = design(
         given.satellite,
         duration=given.duration,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from satid_gym.commands.words import HelpFormatter
 from satid_gym.files import check_writable
 from satid_gym.flightcode import write
 from satid_gym.flightcode.measure import measures
+from satid_gym.onboard.choice import check_control
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.problem import CONTROLS
 
@@ -36,7 +38,7 @@ def add(parts: Any) -> None:
         help="shipped policy, tuned baseline, path of a policy, or design.json of satid design; default generalist",
     )
     own.add_argument("--scenario", default="default", help="name or file")
-    own.add_argument("--estimator", help="name of the filter; default the scenario's")
+    own.add_argument("--estimator", help="filter, name or JSON of its settings; default the scenario's")
     own.add_argument("--control", choices=CONTROLS, default="torque", help="what actions are; default torque")
     own.add_argument("--patience", type=float, help="s without gyro until zero torque; default three decisions")
     own.add_argument("--seed", type=int, default=0, help="seed of the test vectors' flight")
@@ -51,12 +53,13 @@ def run(given: argparse.Namespace) -> int:
     Raises:
         ValueError: a name or file is not valid, the policy has no C, or there is no compiler to measure with.
     """
-    check_writable(given.output)
+    check_control(given.policy, given.control)
+    check_writable(given.output, stays=False)
     pilot = Pilot(
         given.satellite,
         given.policy,
         scenario=given.scenario,
-        estimator=given.estimator,
+        estimator=_estimator(given.estimator),
         control=given.control,
         patience=given.patience,
         seed=given.seed,
@@ -66,3 +69,13 @@ def run(given: argparse.Namespace) -> int:
     if given.measure:
         print("\n".join(measures(given.output, pilot)))
     return 0
+
+
+def _estimator(text: str | None) -> Any:
+    """Name of a filter, or its settings from JSON."""
+    if text is None or not text.startswith("{"):
+        return text
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"--estimator {text} is not JSON: {error}") from error

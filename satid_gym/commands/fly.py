@@ -6,6 +6,7 @@ import argparse
 import html
 import importlib
 import io
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -15,11 +16,15 @@ import gymnasium
 import numpy as np
 
 from satid_gym import metrics
+from satid_gym.commands.ending import early_end
+from satid_gym.commands.flight_log import FlightLog
 from satid_gym.commands.words import HelpFormatter, as_typed
+from satid_gym.config import check_integer
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.files import check_writable, write_bytes, write_text
 from satid_gym.html_page import document, image, table, video
-from satid_gym.onboard.choice import policy_by_name
+from satid_gym.manoeuvres.policy import ManoeuvrePolicy
+from satid_gym.onboard.choice import check_control, policy_by_name
 from satid_gym.policies import LearnedPolicy
 from satid_gym.policy import observation_settings, only_mission, show_filter
 from satid_gym.problem import CONTROLS
@@ -29,12 +34,12 @@ _EXAMPLES = """examples:
   satid fly --satellite sat.toml --policy generalist --inertia step --seed 3
   satid fly --satellite cubesat --policy rate_square --picture flight.png
   satid fly --scenario flex --policy shaped_square --control rate --page a.html
-  satid fly --satellite sat.toml --policy design/design.json --control rate
+  satid fly --policy design/design.json --control rate --log flight.csv
 """
 _INERTIA = "static, step, drift, periodic, random, or file; deployment, fuel, release (not the learned policies)"
 _EVERY = 10  # lines a flight
 _FRAMES, _FPS, _SIZE = 150, 15, 640  # pictures of a video, how many a second, and their width, pixels
-_ENDINGS = {"picture": (".png",), "video": (".mp4", ".gif"), "page": (".html",)}
+_ENDINGS = {"log": (".csv",), "picture": (".png",), "video": (".mp4", ".gif"), "page": (".html",)}
 
 
 def add(parts: Any) -> None:
@@ -51,12 +56,14 @@ def add(parts: Any) -> None:
     own.add_argument(
         "--policy",
         default="generalist",
-        help="shipped policy, tuned baseline, path of a policy, or design.json of satid design; default generalist",
+        help="shipped policy, tuned baseline, path of a policy, module:name (runs its code), or design.json of satid "
+        "design; default generalist",
     )
     own.add_argument("--scenario", default="default", help="name or file")
     own.add_argument("--control", choices=CONTROLS, default="torque", help="what actions are; default torque")
     own.add_argument("--inertia", default="random", help=_INERTIA)
     own.add_argument("--seed", type=int, default=0)
+    own.add_argument("--log", type=Path, metavar="FILE.csv", help="readings of the flight, for satid identify")
     own.add_argument("--picture", type=Path, metavar="FILE.png", help="picture of the whole flight")
     own.add_argument("--video", type=Path, metavar="FILE.mp4", help="video of the flight, or .gif")
     own.add_argument("--page", type=Path, metavar="FILE.html", help="page with scores, video and picture")
@@ -69,8 +76,10 @@ def run(given: argparse.Namespace) -> int:
     Raises:
         ValueError: a name or file is not valid, or the policy cannot fly this satellite.
     """
+    check_integer("--seed", given.seed, low=0)
     drawn = _check_outputs(given)
     env = SatInertiaIDEnv(given.satellite, given.inertia, given.scenario)
+    check_control(given.policy, given.control)
     policy = policy_by_name(given.policy, only_mission(env.problem).satellite, env.problem.scenario)
     env = SatInertiaIDEnv(
         given.satellite,
@@ -87,28 +96,41 @@ def run(given: argparse.Namespace) -> int:
     except ValueError as error:
         if not isinstance(policy, LearnedPolicy):
             raise
-        raise ValueError(f"{error}; rate_square flies any") from error
+        raise ValueError(f"{error}; rate_square flies any satellite") from error
+    if isinstance(policy, ManoeuvrePolicy) and (changes := policy.changes(mission.satellite)):
+        told = f"designed for another data sheet of {mission.satellite.name}; here differ: {', '.join(changes)}"
+        print(f"note: {told}", file=sys.stderr)
     title = f"{mission.satellite.name}, {policy.name}, seed {given.seed}"
     print(title)
     frames: list[np.ndarray] = []
     moving = given.video or given.page
-    scores = _fly(env, policy, given.seed, (lambda: frames.append(_frame(env))) if moving else None)
+    log = FlightLog(env) if given.log else None
+    scores = _fly(env, policy, given.seed, (lambda: frames.append(_frame(env))) if moving else None, log)
+    if log is not None:
+        write_text(given.log, log.csv())
+        print(f"written to {given.log}")
     if drawn:
         _write(given, title, scores, frames, _png(_frame(env)))
     return 0
 
 
-def _fly(env: SatInertiaIDEnv, policy: Any, seed: int, draw: Callable[[], None] | None) -> dict[str, float]:
-    """Fly an episode, printing how it goes, and drawing now and then; its scores."""
+def _fly(
+    env: SatInertiaIDEnv, policy: Any, seed: int, draw: Callable[[], None] | None, log: FlightLog | None
+) -> dict[str, float]:
+    """Fly an episode, printing how it goes, drawing now and then, and keeping its readings; its scores."""
     decisions = env.problem.scenario.decisions
     series: dict[str, list[float]] = {"relative_error": [], "outside": [], "nees": [], "cost": []}
     observation, info = env.reset(seed=seed)
+    if log is not None:
+        log.begin()
     print(f"{'time':>8s} {'error':>10s} {'held':>10s} {'outside':>8s} {'NEES':>6s}")
     for decision in range(1, decisions + 1):
         if draw is not None and (decision - 1) % max(1, decisions // _FRAMES) == 0:
             draw()
         show_filter(policy, env.fleet.rows.beliefs, env.fleet.rows.tasks)
         observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])
+        if log is not None:
+            log.note()
         for name, values in series.items():
             values.append(info[name])
         if decision % max(1, decisions // _EVERY) == 0 or terminated or truncated:
@@ -117,6 +139,8 @@ def _fly(env: SatInertiaIDEnv, policy: Any, seed: int, draw: Callable[[], None] 
                 f"{np.mean(series['outside']):8.1%} {info['nees']:6.2f}",
                 flush=True,
             )
+        if terminated:
+            print(early_end(env))
         if terminated or truncated:
             break
     if draw is not None:
@@ -143,7 +167,8 @@ def _check_outputs(given: argparse.Namespace) -> bool:
     for name, path in asked.items():
         if path.suffix.lower() not in _ENDINGS[name]:
             raise ValueError(f"--{name} takes a file that ends in {' or '.join(_ENDINGS[name])}, got {path}")
-        check_writable(path.parent)
+        check_writable(path.parent, stays=False)
+    asked.pop("log", None)
     if asked:
         try:
             for module in ("canvas", *(["video"] if given.video or given.page else [])):
@@ -183,7 +208,7 @@ def _write(
                 film = Path(folder) / "flight.mp4"
                 write_video(film, frames, _FPS)
                 write_text(given.page, _page(title, scores, film.read_bytes(), picture, as_typed(given.words)))
-    for name in _ENDINGS:
+    for name in ("picture", "video", "page"):
         if path := getattr(given, name):
             print(f"written to {path}")
 

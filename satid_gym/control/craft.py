@@ -27,7 +27,7 @@ class Craft(NamedTuple):
 
     @classmethod
     def of(cls, missions: Sequence[Mission]) -> Craft:
-        """Those of missions."""
+        """Data sheets of the missions."""
         rows = []
         for mission in missions:
             satellite, wheels = mission.satellite, mission.satellite.wheels
@@ -36,5 +36,5 @@ class Craft(NamedTuple):
         return cls(*(np.array(part) for part in zip(*rows, strict=True)))
 
     def take(self, rows: np.ndarray) -> Craft:
-        """Those of some rows."""
+        """Data sheets of some rows."""
         return Craft(*(part[rows] for part in self))

@@ -51,11 +51,16 @@ class Gaps:
     def memory(self, memory: tuple[np.ndarray, ...]) -> None:
         (self._side,) = memory
 
-    def __call__(self, observation: np.ndarray, excitation: np.ndarray) -> np.ndarray:
-        """Action (N, 3) for observations (N, size) and what is flown (N, 3) where there is time for it."""
+    def __call__(
+        self, observation: np.ndarray, excitation: np.ndarray, leaves: np.ndarray | bool = False
+    ) -> np.ndarray:
+        """Action (N, 3) for observations (N, size) and what is flown (N, 3) where there is time for it.
+
+        An episode that `leaves` (N,) begins to slew now, whatever time there is.
+        """
         guide = self._pointing
         view = guide.view(observation)
-        free = guide.spare(view, self._settle) > 0.0
+        free = (guide.spare_time(view, self._settle) > 0.0) & ~np.asarray(leaves)
         along = excitation @ guide.boresight
         self._side = np.where(free & (along != 0.0), np.sign(along), self._side)
         slew = guide.rolling_slew(view, self._settle, self._side)

@@ -17,10 +17,9 @@ import numpy as np
 from satid_gym.config import check_number
 from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, kernel, outline
-from satid_gym.core.observation import BOUND, MODE_PARTS, observed_std
+from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES, observed_std
 from satid_gym.policy import Mission
 
-_PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
 _READ = ("rate", "control_authority", "inertia", "modes", "time_left")  # parts of the observation
 _TINY = 1e-12  # of a length, so that none is divided by 0
 _AHEAD = 8  # decisions in which rates settle
@@ -51,7 +50,7 @@ class Modes(NamedTuple):
     limit: np.ndarray
 
     def of(self, rows: np.ndarray) -> Modes:
-        """Those of some episodes."""
+        """Modes of some episodes."""
         return Modes(*(part[rows] for part in self))
 
 
@@ -71,8 +70,9 @@ class ObservedModes:
         first = missions[0]
         if first.control != "rate" or first.observation != "body":
             raise ValueError(
-                "modes are spared where they are observed and the rate loop is the environment's own: make it with "
-                'control="rate" and observation="body"'
+                "body rates are commanded through the environment's own loop, and panels and tanks are read from the "
+                'observation: make it with control="rate" (satid: --control rate) and observation="body", got control '
+                f"{first.control!r} and observation {first.observation!r}"
             )
         places = first.layout["modes"]
         swinging = next((own.satellite for own in missions if own.satellite.oscillators), None)
@@ -105,9 +105,9 @@ class ObservedModes:
         """Modes from observations (N, size); where an episode begins, what is believed is noted as the data sheet."""
         seen = {name: observation[:, self._layout[name]].astype(float) for name in _READ}
         modes = seen["modes"].reshape(len(observation), -1, sum(MODE_PARTS.values()))
-        part = {name: modes[:, :, place] for name, place in _PLACES.items()}
+        part = {name: modes[:, :, place] for name, place in MODE_PLACES.items()}
         moments = np.maximum(self._moments * (1.0 + seen["inertia"][:, :3]), 0.0)
-        coupling = modes[:, :, _PLACES["coupling"] : _PLACES["coupling"] + 3] * np.sqrt(moments)[:, None]
+        coupling = modes[:, :, MODE_PLACES["coupling"] : MODE_PLACES["coupling"] + 3] * np.sqrt(moments)[:, None]
         size = np.linalg.norm(coupling, axis=2)
         self._note(np.stack([2.0 * np.pi * part["frequency"], size], axis=2), seen["time_left"][:, 0] >= 1.0)
         turned = 2.0 * np.pi * part["frequency"] * np.exp(-self._caution * observed_std(part["frequency_std"]))
@@ -137,7 +137,7 @@ class ObservedModes:
         return peaks
 
     def peaks_of_turns(self, modes: Modes, choices: np.ndarray, decisions: int = 1) -> np.ndarray:
-        """The same of each command for some decisions, after them that of the choices which then bends them least."""
+        """Largest deflection over its limit, (N, choices), of each held for some decisions, then the gentlest."""
         peaks = np.zeros(choices.shape[:2])
         if modes.limit.shape[1] == 0:
             return peaks

@@ -14,7 +14,7 @@ import numpy as np
 
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.core.observed_sky import WINDOW_UNIT
-from satid_gym.policy import Mission
+from satid_gym.policy import Mission, check_commands_rates
 
 _BRAKING = 0.25  # of the acceleration that full torque gives by prior inertia
 _GAIN = 0.45  # 1/s, of the rate at the end of a slew over what is left
@@ -61,8 +61,7 @@ class Pointing:
 
     def __init__(self, missions: Sequence[Mission], margin: float, name: str) -> None:
         mission = missions[0]
-        if mission.control != "rate":
-            raise ValueError(f'{name} commands body rates: make the environment with control="rate"')
+        check_commands_rates(mission, name)
         operations = mission.scenario.operations
         if operations is None:
             raise ValueError(
@@ -115,7 +114,7 @@ class Pointing:
         ends = np.log(np.maximum(linear / self._close, 1.0)) / _GAIN
         return begins + np.maximum(coasted, 0.0) / fastest + slowed / brake + ends
 
-    def spare(self, view: View, settle: float | np.ndarray, rolls: bool = True) -> np.ndarray:
+    def spare_time(self, view: View, settle: float | np.ndarray, rolls: bool = True) -> np.ndarray:
         """s (N,) that are left of the gap at the next decision but for the way to the target, see `duration`.
 
         `settle` is how long before the opening the target is to be held, s.

@@ -85,8 +85,8 @@ def take_reading(plant, belief, work):
 
 
 @inline
-def ask(plant, task):
-    """Tell the task of the imaging window that is open or comes next, as operators do."""
+def tell_window(plant, task):
+    """Write to the task the imaging window that is open or comes next, as operators know it."""
     if task.tells_window != 0:
         task.opens, task.closes = plant.operations.opens, plant.operations.closes
         store(task.target, load(plant.operations.target))
@@ -115,7 +115,7 @@ def conclude(plant, belief, task, work, report, observation):
     report.truncated = 1 if task.decision >= task.decisions and report.terminated == 0 else 0
     task.over = max(report.terminated, report.truncated)
     assess(plant, belief, work, report)
-    ask(plant, task)
+    tell_window(plant, task)
     observe(belief, task, plant.gyro, plant.tachometer, observation)
 
 
@@ -187,7 +187,7 @@ def start(rows, i, work):
     if rows.logs.shape[1] > 0:
         log_sample(rows.logs[i, 0], plant, belief)
     assess(plant, belief, work, report)
-    ask(plant, task)
+    tell_window(plant, task)
     observe(belief, task, plant.gyro, plant.tachometer, rows.observations[i])
 
 

@@ -82,7 +82,7 @@ class KernelCache(FunctionCache):
         if found is None:
             _say(
                 "compiling",
-                f"compiling its core for this machine, about {_SECONDS} s, once; "
+                f"compiling its core for this kind of satellite, about {_SECONDS} s, once; "
                 "python -m satid_gym.warmup does it ahead of time",
             )
         return found

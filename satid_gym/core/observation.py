@@ -33,6 +33,8 @@ MODE_PARTS = {
     "damping_std": 1,
 }
 """Sizes of what is observed of a mode, in order."""
+MODE_PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
+"""Where each of these begins."""
 _BODY = int(ObservationForm.BODY)
 
 

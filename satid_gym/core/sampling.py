@@ -23,13 +23,13 @@ LINE = math.ceil(DELAY_MAX + DELAY_SIGMAS * UNKNOWN_DELAY_MAX) + 3  # readings t
 
 
 def taps(late: float, averaged: bool) -> int:
-    """Number of first weights that are not all 0, for a reading that is so many sample periods late."""
+    """Number of leading weights that may differ from 0, for a reading `late` sample periods late."""
     return math.ceil(late) + 1 + int(averaged)
 
 
 @inline
 def write_weights(late, averaged, out):
-    """Weights (LINE,) of a reading that is so many sample periods late; averaged: 1 for that of a whole period."""
+    """Weights (LINE,) of a reading `late` sample periods late; averaged: 1 for the mean of a period."""
     late = min(max(late, 0.0), LINE - 3.0)
     n = np.int64(late)
     f = late - n

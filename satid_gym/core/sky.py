@@ -1,4 +1,4 @@
-"""Sky: what blinds a star tracker, for the truth and for who plans ahead."""
+"""Sky: what blinds a star tracker, and whether a payload is on its target; for the truth and for who plans ahead."""
 
 from __future__ import annotations
 
@@ -21,3 +21,17 @@ def is_blind(tracker, attitude, rate, phase):
     blinded = dot(boresight, load(tracker.sun)) > tracker.sun_cosine
     blinded = blinded or dot(boresight, (phase[0], phase[1], 0.0)) > tracker.earth_cosine
     return blinded or norm(rate) > tracker.rate_limit
+
+
+@inline
+def is_off_target(boresight, target, rate, pointing_cosine, steadiness):
+    """Whether a payload is farther from its target than a window allows, or the body not steady.
+
+    Args:
+        boresight: unit vector, inertial frame.
+        target: likewise.
+        rate: body rate, rad/s.
+        pointing_cosine: of the largest angle between the two.
+        steadiness: largest body rate, rad/s.
+    """
+    return dot(boresight, target) < pointing_cosine or norm(rate) > steadiness

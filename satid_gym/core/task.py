@@ -15,7 +15,7 @@ from satid_gym.core.records import FLOAT, INT
 
 @functools.cache
 def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
-    """Fields for n wheels, so many numbers in an action and so many oscillators."""
+    """Fields for n wheels, `actions` numbers in an action and `oscillators` oscillators."""
     return np.dtype(
         [
             ("template", INT),  # row of the templates the episode was drawn from
@@ -56,6 +56,8 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("opens", FLOAT),  # s, of the window that is open or comes next
             ("closes", FLOAT),
             ("target", FLOAT, 3),  # of that window, unit vector, inertial frame
+            ("pointing_cosine", FLOAT),  # of the largest angle to the target in a window
+            ("steadiness", FLOAT),  # rad/s, largest body rate in a window
             ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected
             ("nis_count", INT),  # of these readings
             ("command", FLOAT, actions),  # previous action

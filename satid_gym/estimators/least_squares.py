@@ -24,8 +24,7 @@ from scipy.spatial.transform import Rotation
 from satid_gym.config import check_number, real_array, unknown_name
 from satid_gym.estimators.batch.fit import InertiaFit, NotIdentifiedError
 from satid_gym.estimators.batch.regression import Regression
-from satid_gym.estimators.filterpy.model import tensor
-from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, inertia_parameters
+from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, inertia_parameters, inertia_tensors
 from satid_gym.estimators.prior import FilterPrior, estimated_parameters
 
 __all__ = [
@@ -149,7 +148,7 @@ def output_error(
     """
     parameters = estimated_parameters(parameters, prior)
     rows = _momentum_regression(prior, gyro, wheel_speed, dt, parameters, constant_torque)
-    J_inv = np.linalg.inv(tensor(rows.start))
+    J_inv = np.linalg.inv(inertia_tensors(rows.start))
     weight = np.linalg.inv(np.linalg.cholesky(J_inv @ rows.noise(rows.start) @ J_inv))
     return rows.nonlinear(weight, "linear")
 
@@ -169,7 +168,7 @@ def _readings(
 
 def _regressor(omega: np.ndarray, parameters: Parameters) -> np.ndarray:
     """L (N, 3, p) of rates (N, 3): J omega = L(omega) theta."""
-    units = np.array([tensor(unit) for unit in np.eye(PARAMETER_COUNT[parameters])])
+    units = inertia_tensors(np.eye(PARAMETER_COUNT[parameters]))
     return np.einsum("pij,nj->nip", units, omega)
 
 
@@ -211,7 +210,7 @@ def _momentum_regression(
     """Rows of the conservation of momentum; nuisances M_0, and tau where asked for."""
     gyro, wheel_speed, dt = _readings(prior, gyro, wheel_speed, dt, parameters)
     wheels = prior.wheels
-    attitude = _attitude(gyro, dt)
+    attitude = attitudes_after(0.5 * dt * (gyro[1:] + gyro[:-1]))
     to_body = attitude.transpose(0, 2, 1)
     columns = [_regressor(gyro, parameters), -to_body]
     if constant_torque:
@@ -222,11 +221,10 @@ def _momentum_regression(
     return _regression(prior, np.concatenate(columns, axis=2), target, parameters, dt, attitude=attitude)
 
 
-def _attitude(gyro: np.ndarray, dt: float) -> np.ndarray:
-    """C (N, 3, 3), body to the frame of the first reading, from the mean rate of each interval."""
-    turns = Rotation.from_rotvec(0.5 * dt * (gyro[1:] + gyro[:-1])).as_matrix()
-    attitude = np.empty((len(gyro), 3, 3))
+def attitudes_after(turns: np.ndarray) -> np.ndarray:
+    """C (N, 3, 3), body to the frame of the first reading, after rotation vectors (N - 1, 3) from one to the next."""
+    attitude = np.empty((len(turns) + 1, 3, 3))
     attitude[0] = np.eye(3)
-    for k, turn in enumerate(turns):
+    for k, turn in enumerate(Rotation.from_rotvec(turns).as_matrix()):
         attitude[k + 1] = attitude[k] @ turn
     return attitude

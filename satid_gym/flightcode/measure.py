@@ -60,7 +60,7 @@ def measures(output: Path, pilot: Pilot) -> list[str]:
                 write_text(folder / file, text)
         replay = _replayed(compiled(plain), output)
         counted = _replayed(compiled(counting, "-DSATID_COUNTING"), output)
-        sizes = [_sections(plain, path) for path in sorted(plain.glob("*.c")) if path.name != "check.c"]
+        sizes = [_sections(path) for path in sorted(plain.glob("*.c")) if path.name != "check.c"]
     code, constants, data = (sum(size[i] for size in sizes) for i in range(3))
     rows = np.loadtxt(output / "vectors.csv", delimiter=",", skiprows=1)
     return [
@@ -82,7 +82,7 @@ def _replayed(check: Path, output: Path) -> list[str]:
     return run.stdout.splitlines()
 
 
-def _sections(folder: Path, source: Path) -> tuple[int, int, int]:
+def _sections(source: Path) -> tuple[int, int, int]:
     """Bytes of code, constants and data of one source's object."""
     target = source.with_suffix(".o")
     _run([compiler(), *_FLAGS, "-c", "-o", str(target), str(source)])

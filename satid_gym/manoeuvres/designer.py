@@ -12,6 +12,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.evaluation import Split, seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.manoeuvres.feasibility import NotPossibleError, check_accuracy, least_std
+from satid_gym.manoeuvres.notes import remarks
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.manoeuvres.request import KeepOut, Request
 from satid_gym.manoeuvres.rivals import rivals
@@ -27,8 +28,7 @@ CONSTANT = {"name": "momentum", "inertia_walk": 0.0}
 """Filter for a manoeuvre in which the inertia does not change."""
 _DECISIONS_MIN, _DECISIONS_MAX = 8, 20_000
 _FAST_WHEELS = 0.5  # of the speed limit
-_NEES_MAX = 2.0  # that a consistent filter stays below
-_RETURN_MAX = 3.0  # deg from the first attitude, beyond which there is a note
+_UNSURE = ("gyro_scale", "gyro_alignment", "wheel_inertia", "wheel_alignment")  # tolerances that no time averages out
 _LONGER = (2.0, 4.0, 8.0)  # durations that are tried where accuracy falls short
 
 
@@ -114,7 +114,7 @@ def design(
     waves = search(posed, request, effort, progress)
     (manoeuvre,) = manoeuvres(waves, request, posed, mission.satellite)
     trial = _flown(manoeuvre, posed, request, effort)
-    if beyond := _beyond(trial, request):
+    if beyond := _beyond(trial, request, control):
         raise NotPossibleError(f"no manoeuvre was found that keeps the limits: with the best, {beyond}")
     if request.accuracy is not None and trial.accuracy > request.accuracy:
         raise NotPossibleError(_falls_short(waves, posed, request, effort, trial))
@@ -133,7 +133,7 @@ def design(
             for name, harder in _harder(posed.scenario).items()
         },
         least=least_std(mission, request.duration),
-        notes=tuple(_notes(mission, request, trial, others)),
+        notes=tuple(remarks(mission, request, trial, others)),
     )
 
 
@@ -182,7 +182,7 @@ def _harder(world: Scenario) -> dict[str, Scenario]:
     }
 
 
-def _beyond(trial: Trial, request: Request) -> str:
+def _beyond(trial: Trial, request: Request, control: str) -> str:
     """Description of the limit that flights exceed, and what would help; "" if none."""
     if trial.terminated.any():
         return (
@@ -197,8 +197,12 @@ def _beyond(trial: Trial, request: Request) -> str:
         )
     if (excess := pointing_excess(trial, request)) > 0.0:
         return (
-            f"a flight points {np.degrees(excess):.2g} deg beyond its turn limit or into a keep-out: give it more "
-            'room, search for more rounds, or fly by control "rate"'
+            f"a flight points {np.degrees(excess):.2g} deg beyond its turn limit or into a keep-out: give it more room"
+            + (
+                " or search for more rounds"
+                if control == "rate"
+                else ', search for more rounds, or fly by control "rate"'
+            )
         )
     return ""
 
@@ -211,24 +215,13 @@ def _falls_short(waves: Waves, posed: Problem, request: Request, effort: Effort,
         world = posed.replace(scenario=posed.scenario.replace(horizon=longer.duration))
         (manoeuvre,) = manoeuvres(waves, longer, world, only_mission(world).satellite)
         found = _flown(manoeuvre, world, longer, effort, "tuning")
-        if request.accuracy is not None and found.accuracy <= request.accuracy and not _beyond(found, longer):
+        if (
+            request.accuracy is not None
+            and found.accuracy <= request.accuracy
+            and not _beyond(found, longer, posed.control)
+        ):
             return f"{said}; {longer.duration:g} s of the same waves leave {found.accuracy:.2g}"
-    return f"{said}, and up to {longer.duration:g} s of the same waves do not help: give wider limits or a quieter gyro"
-
-
-def _notes(mission: Mission, request: Request, trial: Trial, others: Sequence[Trial]) -> list[str]:
-    notes = []
-    if not mission.satellite.tolerances.kinds[0]:
-        notes.append(
-            "the data sheet gives no gyro bias, so the filter assumes none: with a bias, errors are larger than std"
-        )
-    if (nees := float(trial.nees.mean())) > _NEES_MAX:
-        notes.append(f"the filter is overconfident: NEES is {nees:.2g}, and errors are larger than std by its root")
-    if (trial.rate > 1.0).any():
-        notes.append(f"in {(trial.rate > 1.0).mean():.0%} of the flights a rate was beyond its limit at some time")
-    better = [other.name for other in others if other.keeps(request.cost_limit) and other.accuracy < trial.accuracy]
-    if better:
-        notes.append(f"more accurate within the limits, but not from rest to rest: {', '.join(better)}")
-    if request.returns and (left := float(np.degrees(np.median(trial.turn[-1])))) > _RETURN_MAX:
-        notes.append(f"it returns only to within {left:.2g} deg, in the median")
-    return notes
+    tolerances = only_mission(posed).satellite.tolerances
+    unsure = [name for name in _UNSURE if getattr(tolerances, name) > 0.0]
+    better = f"smaller tolerances ({', '.join(unsure)}), wider limits" if unsure else "wider limits"
+    return f"{said}, and up to {longer.duration:g} s of the same waves do not help: give {better} or a quieter gyro"

@@ -113,14 +113,24 @@ def _shades(design: Design, rows: list[tuple[str, Trial]]) -> list[str]:
 
 
 def _bars(axes: Axes, names: list[str], values: list[float], colours: list[str]) -> None:
-    """Bars; none for flights that ended early."""
+    """Bars, or dots on a logarithmic axis, where lengths mean nothing; none for flights that ended early."""
     shown = np.array([value if np.isfinite(value) else np.nan for value in values])
-    bars = axes.barh(names, shown, color=colours)
-    axes.bar_label(bars, [f"{100.0 * v:.2g} %" if np.isfinite(v) else "" for v in shown], padding=3, fontsize=_SMALL)
-    axes.invert_yaxis()
+    from matplotlib.ticker import MaxNLocator
+
+    labels = [f"{100.0 * v:.2g} %" if np.isfinite(v) else "" for v in shown]
     if np.nanmax(shown) > _RANGE * np.nanmin(shown):
+        rows = np.arange(len(names))
+        axes.scatter(shown, rows, color=colours, zorder=2)
+        axes.set_yticks(rows, names)
+        axes.grid(axis="y", color="0.9", linewidth=0.8, zorder=0)
+        for value, row, label in zip(shown, rows, labels, strict=True):
+            if label:
+                axes.annotate(label, (value, row), (6, 0), textcoords="offset points", va="center", fontsize=_SMALL)
         axes.set_xscale("log")
         axes.set_xlim(0.5 * np.nanmin(shown), 4.0 * np.nanmax(shown))
     else:
+        axes.bar_label(axes.barh(names, shown, color=colours), labels, padding=3, fontsize=_SMALL)
         axes.set_xlim(0.0, 1.3 * np.nanmax(shown))
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+    axes.invert_yaxis()
     axes.xaxis.set_major_formatter(lambda value, _: percent(value))

@@ -18,24 +18,27 @@ _HEAD = ("", "std, worst moment", "error, median", "95 % below", "beyond a limit
 def page(design: Design, picture: bytes, command: str) -> str:
     """HTML of a design with its figure, which needs nothing from a network."""
     sheet, request, trial = design.mission.satellite, design.request, design.trial
-    std = trial.parameter_std[-1]
+    std = zip(NAMES, trial.parameter_std[-1], trial.median_std, design.scale, strict=False)
     parameters = [
-        (name, f"{size:.4g}", f"{one * size:.2g}", percent(one))
-        for name, one, size in zip(NAMES, std, design.scale, strict=False)
+        (name, f"{size:.4g}", f"{one * size:.2g}", percent(one), percent(median)) for name, one, median, size in std
     ]
-    flown = "by a rate loop" if design.mission.control == "rate" else "by torque in open loop"
+    flown = "from rest to rest, flown by a rate loop"
+    if design.mission.control == "torque":
+        left = percent(float(np.median(trial.end_rate)) / sheet.rate_limit)
+        flown = f"from rest, flown by torque in open loop; at the end the rate is {left} of its limit (median)"
     turned = f"It turns the satellite by up to {np.degrees(trial.turn.max()):.0f} deg"
     if request.returns:
         turned += f" and brings it back to {np.degrees(np.median(trial.turn[-1])):.1f} deg (median)"
     parts = [
         f"<h1>Manoeuvre for {html.escape(sheet.name)}</h1>",
-        f"<p>{request.duration:g} s from rest to rest, flown {flown}. {turned}. Figures are of {trial.error.shape[1]} "
+        f"<p>{request.duration:g} s {flown}. {turned}. Figures are of {trial.error.shape[1]} "
         f"random satellites around the data sheet, with its noise. Limits are exceeded for {percent(trial.beyond)} "
         f"of the time at most; the largest rate is {percent(float(trial.rate.max()))} of its limit, the largest wheel "
         f"speed {percent(float(trial.wheel_speed.max()))}.</p>",
-        table(("parameter", "scale, kg m²", "standard deviation, kg m²", "over the scale"), parameters),
-        "<p>Scale: the moment of the prior, for products of inertia the geometric mean of two. For the nominal "
-        "satellite no motion within the limits determines every moment to better than "
+        table(("parameter", "scale, kg m²", "standard deviation, kg m²", "over the scale", "its median"), parameters),
+        "<p>Standard deviations are root mean squares over the flights. Scale: the moment of the prior, for products "
+        "of inertia the geometric mean of two. For the nominal satellite no motion within the limits determines every "
+        "moment to better than "
         f"{percent(float(design.least[-1]))}.</p>",
         image(picture, "Rates, torques, accuracy over time, turn, rivals, harder worlds"),
         "<h2>Comparison with other excitation</h2>",

@@ -12,9 +12,12 @@ from satid_gym.config import real_array
 from satid_gym.files import DamagedFileError, read_json
 from satid_gym.manoeuvres.waves import Manoeuvre
 from satid_gym.policy import Kind, Mission
+from satid_gym.satellite import Satellite
 
 _REMEDY = "satid design writes it"
 _SAME = 1e-6  # s, within which two periods are
+_OTHER_INERTIA = 0.5  # of a moment: change of the data sheet beyond which it is another satellite's
+_OTHER_AXIS = 0.02  # change of a wheel's unit vector, likewise
 
 
 class ManoeuvrePolicy:
@@ -23,17 +26,18 @@ class ManoeuvrePolicy:
     Args:
         manoeuvre: what to fly.
         control: what it was designed for, and no other control then flies it; None: any.
+        sheet: data sheet that it was designed for, and no satellite of much other inertia then flies it; None: any.
     """
 
     name = "manoeuvre"
     kind: Kind = "scripted"
 
-    def __init__(self, manoeuvre: Manoeuvre, control: str | None = None) -> None:
-        self.manoeuvre, self.control = manoeuvre, control
+    def __init__(self, manoeuvre: Manoeuvre, control: str | None = None, sheet: Satellite | None = None) -> None:
+        self.manoeuvre, self.control, self.sheet = manoeuvre, control, sheet
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Player of the manoeuvre of a design.json.
+        """Player of the manoeuvre of a design.json; old ones without a data sheet are for any satellite.
 
         Raises:
             DamagedFileError: there is no such file, or it holds no manoeuvre.
@@ -51,16 +55,24 @@ class ManoeuvrePolicy:
             )
             if np.abs(plan.time - time).max() > _SAME:
                 raise ValueError("time_s does not go by decision_period_s")
+            sheet = Satellite.from_dict(whole["satellite"]) if "satellite" in whole else None
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise DamagedFileError(f"{path} holds no manoeuvre ({error}): {_REMEDY}") from error
-        return cls(plan, whole["control"])
+        return cls(plan, whole["control"], sheet)
+
+    def changes(self, satellite: Satellite) -> list[str]:
+        """Entries of the data sheet that it was designed for and that differ from a satellite's."""
+        if self.sheet is None:
+            return []
+        designed, flown = self.sheet.to_dict(), satellite.to_dict()
+        return [name for name, value in flown.items() if value != designed[name]]
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the commands.
 
         Raises:
-            ValueError: the manoeuvre is for another number of wheels, decision period or control, goes beyond the
-                satellite's limits, or is longer than the flight.
+            ValueError: the manoeuvre is for another number of wheels, satellite, decision period or control, goes
+                beyond the satellite's limits, or is longer than the flight.
         """
         plan, satellite, world = self.manoeuvre, mission.satellite, mission.scenario
         if plan.torque.shape[1] != satellite.wheels.count:
@@ -68,6 +80,8 @@ class ManoeuvrePolicy:
                 f"the manoeuvre is for {plan.torque.shape[1]} wheels, and {satellite.name} has "
                 f"{satellite.wheels.count}: design one for it"
             )
+        if self.sheet is not None:
+            _check_alike(self.sheet, satellite)
         if len(plan.time) > 1 and abs(plan.time[1] - plan.time[0] - world.decision_period) > _SAME:
             raise ValueError(
                 f"the manoeuvre commands every {plan.time[1] - plan.time[0]:g} s, and the scenario decides every "
@@ -99,3 +113,24 @@ class ManoeuvrePolicy:
         action = np.zeros_like(self._script[0]) if over else self._script[self._decision]
         self._decision += 1
         return np.broadcast_to(action, (len(observation), len(action)))
+
+
+def _check_alike(designed: Satellite, flown: Satellite) -> None:
+    """Check that a satellite is near the one of a manoeuvre's data sheet.
+
+    Raises:
+        ValueError: its inertia or wheel axes are of another satellite.
+    """
+    moments = np.diag(designed.inertia)
+    change = np.abs(flown.inertia - designed.inertia) / np.sqrt(np.outer(moments, moments))
+    if change.max() > _OTHER_INERTIA:
+        sizes = [" ".join(f"{moment:.4g}" for moment in np.diag(one.inertia)) for one in (designed, flown)]
+        raise ValueError(
+            f"the manoeuvre was designed for {designed.name} with moments of inertia of {sizes[0]} kg m^2, and "
+            f"{flown.name} has {sizes[1]}: design one for it"
+        )
+    if np.abs(flown.wheels.axes - designed.wheels.axes).max() > _OTHER_AXIS:
+        raise ValueError(
+            f"the manoeuvre was designed for the wheel axes of {designed.name}, and those of {flown.name} are others: "
+            "design one for it"
+        )

@@ -54,13 +54,15 @@ def record(design: Design) -> dict[str, Any]:
 
 def _flights(trial: Trial) -> dict[str, Any]:
     """Results of a trial; null where flights ended early."""
-    error, std = trial.error[-1], trial.parameter_std[-1]
+    error, std, median = trial.error[-1], trial.parameter_std[-1], trial.median_std
     return {
         "flights": int(error.size),
         "std": {name: _finite(value) for name, value in zip(NAMES, std.tolist(), strict=False)},
+        "std_median": {name: _finite(value) for name, value in zip(NAMES, median.tolist(), strict=False)},
         "error_median": _finite(float(np.median(error))),
         "error_95_percent": _finite(float(np.quantile(error, 0.95, method="higher"))),
         "nees": float(trial.nees.mean()),
+        "share_with_restart_inflation_or_alarm": float(trial.doubted.mean()),
         "share_of_time_beyond": dict(zip(COSTS, trial.costs.mean(axis=0).tolist(), strict=True)),
         "ended_early": int(trial.terminated.sum()),
         "largest": {
@@ -99,9 +101,9 @@ def comparison(design: Design) -> list[tuple[str, Trial]]:
 def lines(design: Design) -> Iterator[str]:
     """Tables for a terminal."""
     trial, request = design.trial, design.request
-    yield f"{'':5s}{'std, kg m^2':>14s}{'std':>10s}"
-    for name, std, size in zip(NAMES, trial.parameter_std[-1], design.scale, strict=False):
-        yield f"{name:5s}{std * size:14.2g}{percent(std):>10s}"
+    yield f"{'':5s}{'std, kg m^2':>14s}{'std, rms':>10s}{'median':>10s}   of {trial.error.shape[1]} flights"
+    for name, std, median, size in zip(NAMES, trial.parameter_std[-1], trial.median_std, design.scale, strict=False):
+        yield f"{name:5s}{std * size:14.2g}{percent(std):>10s}{percent(median):>10s}"
     least = percent(float(design.least[-1]))
     yield f"for the nominal satellite no motion within the limits determines every moment better than {least}"
     yield ""

@@ -37,6 +37,7 @@ class Trial:
         turn: (D, N) true angle from the first attitude, rad.
         clearance: (N, k) least angle by which each boresight stays out of its keep-out, rad.
         end_rate: (N,) norm of the true rate at the end, also an early one, rad/s.
+        doubted: (N,) whether the filter restarted, inflated its noise or raised an alarm, see docs/unmodelled.md.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Trial:
     turn: np.ndarray
     clearance: np.ndarray
     end_rate: np.ndarray
+    doubted: np.ndarray
 
     @property
     def expected(self) -> float:
@@ -64,8 +66,13 @@ class Trial:
 
     @property
     def parameter_std(self) -> np.ndarray:
-        """(D, p) standard deviations over their scales, root mean square over episodes."""
+        """(D, p) standard deviations over their scales, root mean square over episodes: a few bad ones can set it."""
         return np.sqrt((self.std**2).mean(axis=1))
+
+    @property
+    def median_std(self) -> np.ndarray:
+        """(p,) final standard deviations over their scales, median over episodes."""
+        return np.median(self.std[-1], axis=0)
 
     @property
     def parameters(self) -> Parameters:
@@ -115,7 +122,7 @@ def fly_side_by_side(
     rate, speed, deflection, end_rate = np.zeros(total), np.zeros(total), np.zeros(total), np.zeros(total)
     clearance = np.full((total, len(keep_outs)), np.inf)
     angles = np.array([keep_out.angle for keep_out in keep_outs])
-    alive = np.ones(total, bool)
+    alive, doubted = np.ones(total, bool), np.zeros(total, bool)
     for d in range(decisions):
         actions = [policy(observation[k * count : (k + 1) * count]) for k, policy in enumerate(policies)]
         observation, _, terminated, _, info = env.step(np.concatenate(actions))
@@ -135,6 +142,7 @@ def fly_side_by_side(
         for largest, now in ((rate, turning), (speed, fastest), (deflection, bent)):
             np.maximum(largest, now, out=largest, where=alive)
         end_rate = np.where(alive, np.linalg.norm(plants["rate"], axis=1), end_rate)
+        doubted |= alive & ((info["restarts"] > 0) | (info["inflation"] > 1.0) | info["unmodelled"])
         alive &= ~terminated
     env.close()
     series = {"std": std, "error": error, "turn": turn}
@@ -147,6 +155,7 @@ def fly_side_by_side(
         "deflection": deflection,
         "clearance": clearance,
         "end_rate": end_rate,
+        "doubted": doubted,
     }
     trials = []
     for k, policy in enumerate(policies):

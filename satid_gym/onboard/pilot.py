@@ -13,7 +13,7 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
-from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, sun_direction, wheel_reading
+from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, instant, sun_direction, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.problem import problem
@@ -118,7 +118,7 @@ class Pilot:
             ValueError: a reading is not finite, of another shape, or beyond any limit (a wrong unit), an attitude is
                 given and the satellite has no star tracker, or the Sun's direction is (0, 0, 0).
         """
-        time = check_number("time", time, low=-np.inf)
+        time = instant(time)
         towards = np.zeros(3) if sun is None else sun_direction(sun)
         readings = self._judge(gyro, wheel_speed, attitude)
         if any(reading.value is None for reading in readings[:2]) or readings[2].absence == "refused":
@@ -150,7 +150,7 @@ class Pilot:
         """
         if self.status.state == "waiting":
             raise RuntimeError("the pilot has not started: call start(time, gyro, wheel_speed) first")
-        time = check_number("time", time, low=-np.inf)
+        time = instant(time)
         self.status.message = ""
         readings = self._judge(gyro, wheel_speed, attitude)
         for reading in readings:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from satid_gym.config import direction
+from satid_gym.config import check_number, direction
 from satid_gym.satellite import Satellite
 
 SPEED_MAX, RATE_MAX = 1.5, 10.0  # a reading beyond this many limits is a wrong unit or a fault
@@ -19,6 +19,17 @@ class Reading(NamedTuple):
     value: np.ndarray | None
     absence: str = ""
     message: str = ""
+
+
+def instant(time: object) -> float:
+    """Time stamp, s, of any clock.
+
+    Raises:
+        ValueError: it is not a finite number.
+    """
+    if isinstance(time, (float, np.floating)) and not np.isfinite(time):
+        raise ValueError(f"time must be finite, got {time!r}: give the stamp of the readings, s, of any clock")
+    return check_number("time", time, low=-np.inf)
 
 
 def gyro_reading(value: object, satellite: Satellite) -> Reading:

@@ -15,7 +15,7 @@ import numpy as np
 from satid_gym.config import check_number
 from satid_gym.control.decoded_observation import Belief, PlantConstants
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.policy import Kind, Mission
+from satid_gym.policy import Kind, Mission, check_commands_rates
 
 _DIAGONALS = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0]])
 _GRID = np.linspace(-1.0, 1.0, 21)  # of the ends of a part
@@ -52,8 +52,7 @@ class ClearSquarePolicy:
         Raises:
             ValueError: the environment takes torques, or observations leave out the wheels' speeds.
         """
-        if mission.control != "rate":
-            raise ValueError('clear_square commands body rates: make the environment with control="rate"')
+        check_commands_rates(mission, self.name)
         self._constants = PlantConstants.of([mission]).take(np.zeros(1, int))
         self._layout, self._allowed = mission.layout, RateMargin([mission], self.margin)
         self._wheels, self._duration = mission.satellite.wheels, mission.scenario.decision_period

@@ -14,14 +14,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_integer, check_number
-from satid_gym.control.planning.rehearsal import Flights, Scratch, Trail, room
+from satid_gym.control.planning.rehearsal import Flights, Scratch, Trail, sizes
 from satid_gym.control.planning.rehearsal_search import Search, improve_rehearsed
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.core.truth.star_tracker import tracker_dtype
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.records import new_work
-from satid_gym.gym_api import seed_stream
-from satid_gym.policy import Kind, Mission
+from satid_gym.gym_api import planner_streams
+from satid_gym.policy import Kind, Mission, check_commands_rates
 from satid_gym.templates import write_tracker
 
 _FIRST = 10  # times as many edits of the first plan, which no earlier one prepares
@@ -75,8 +75,7 @@ class FilterMPCPolicy:
         Raises:
             ValueError: the environment takes torques, or its filter is not a MomentumEKF.
         """
-        if mission.control != "rate":
-            raise ValueError(f'{self.name} commands body rates: make the environment with control="rate"')
+        check_commands_rates(mission, self.name)
         if not isinstance(mission.estimator, MomentumEKFSettings):
             raise ValueError(
                 f"{self.name} rehearses with the MomentumEKF, and the filter is {type(mission.estimator).__name__}: "
@@ -89,7 +88,7 @@ class FilterMPCPolicy:
             for row in self._trackers:
                 write_tracker(row, tracker, world)
         self._every = self._trackers["every"].copy()
-        self._streams = np.stack([seed_stream(np.random.default_rng([seed, 3])) for seed in seeds])
+        self._streams = planner_streams(seeds)
         self._stride = _divisor(world.samples, self.step / world.sample_period)
         self._plans, self._left = np.zeros((n, self.horizon, 3)), world.decisions
         self._first, self._seen = True, False
@@ -98,7 +97,7 @@ class FilterMPCPolicy:
         """Take note of the records (N,) of filter and task."""
         flights = Flights(beliefs.copy(), tasks.copy(), self._trackers)
         self._trackers["sun"] = tasks["sun"]
-        if room(flights)[1] == 0 and not beliefs["alignment"]["on"].any():  # delays are counted in samples
+        if sizes(flights)[1] == 0 and not beliefs["alignment"]["on"].any():  # delays are counted in samples
             _lengthen(flights, self._stride)
             self._trackers["every"] = np.maximum(1, self._every // self._stride)
         self._flights, self._seen = flights, True
@@ -143,17 +142,6 @@ class FilterMPCPolicy:
         self._left, self._first = self._left - 1, False
         return plans[:, 0] * shares
 
-    def rehearse(self, plans: np.ndarray) -> list[Trail]:
-        """Trails of plans (N, H, 3) of rates over their limit, one for each of the flights that were seen last."""
-        plans, none, flights = np.array(plans, dtype=float), Search(0, 0.0, self.caution), self._flights
-        trails, streams = [], np.zeros((1, 4), np.uint64)
-        for i, plan in enumerate(plans):
-            one = Flights(*(part[i : i + 1].copy() for part in flights))
-            trails.append(Trail.of(flights, len(plan) + 1))
-            both, proposals = (trails[-1], Trail.of(one, 2)), np.empty((1, 0, len(plan), 3))
-            improve_rehearsed(one, plan[None], proposals, np.ones(3), both, scratch_of(one), streams, none)
-        return trails
-
 
 def _divisor(samples: int, wanted: float) -> int:
     """Largest divisor of a decision's samples that is not larger than what is wanted, at least 1."""
@@ -171,4 +159,4 @@ def _lengthen(flights: Flights, stride: int) -> None:
 def scratch_of(flights: Flights) -> Scratch:
     """Scratch space for the rehearsals of flights."""
     p = flights.beliefs["prior_theta"].shape[1]
-    return Scratch(new_work(flights.beliefs), np.zeros(3), np.zeros(room(flights)[0]), np.zeros(4), np.zeros((p, p)))
+    return Scratch(new_work(flights.beliefs), np.zeros(3), np.zeros(sizes(flights)[0]), np.zeros(4), np.zeros((p, p)))

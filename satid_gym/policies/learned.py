@@ -19,13 +19,14 @@ from safetensors.numpy import load, save
 from satid_gym.config import check_flag, check_integer, check_number, unknown_name
 from satid_gym.control.corners.features import check_features
 from satid_gym.control.corners.tour import CornerTour
+from satid_gym.control.corners.tour import Memory as TourMemory
 from satid_gym.control.decoded_observation import check_observation
 from satid_gym.control.gaps import SETTLE
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
 from satid_gym.files import read_json, write_bytes, write_text
-from satid_gym.policies.network import Network
+from satid_gym.policies.network import Network, NetworkMemory
 from satid_gym.policies.principal import fitted
 from satid_gym.policy import Kind, Mission
 from satid_gym.problem import CONTROLS
@@ -58,6 +59,9 @@ class LearnedPolicy:
             `satid_gym.control.corners.features.FEATURES`; the open corner with the highest score is flown.
         settle: s before an imaging window opens at which such a policy, which flies in the gaps between windows, is on
             the target.
+
+    Attributes:
+        tour: of a policy that scores corners, from `reset` on.
 
     Raises:
         ValueError: control or observation is unknown, the name has invalid characters, a number or a flag is not valid,
@@ -118,8 +122,8 @@ class LearnedPolicy:
             )
         self._layout, self._decisions = mission.layout, 0
         if self.corner_features:
-            self._tour = CornerTour([mission], self.margin, features=self.corner_features, settle=self.settle)
-            self._tour.begin(len(seeds))
+            self.tour = CornerTour([mission], self.margin, features=self.corner_features, settle=self.settle)
+            self.tour.begin(len(seeds))
             return
         self._network = fitted(self.network, mission.layout)
         size, expected = max(p.stop for p in mission.layout.values()), self._network.weights[0].shape[1]
@@ -127,13 +131,15 @@ class LearnedPolicy:
             raise ValueError(
                 f"policy {self.name} takes observations of {expected} numbers, this environment gives {size}: it must "
                 "have as many wheels and inertia parameters as the one it was trained on, and "
-                f"include_covariance={self.include_covariance} and include_walk={self.include_walk}"
+                f"include_covariance={self.include_covariance} and include_walk={self.include_walk}; tolerances, "
+                "panels, tanks and a star tracker in the data sheet add numbers too"
             )
         if self.control == "torque" and mission.control == "rate":
             raise ValueError(f'policy {self.name} commands wheel torque, not body rates: make it with control="torque"')
         outputs, wheels = self.network.weights[-1].shape[0], mission.satellite.wheels.count
         if self.control == "torque" and outputs != wheels:
             raise ValueError(f"policy {self.name} commands {outputs} wheels, the satellite has {wheels}")
+        self._command = np.zeros((len(seeds), outputs))
         loop = ModeLimit if self.spares_modes else rate_loop
         self._loop = loop([mission], self.margin) if self.control == "rate" else None
 
@@ -142,24 +148,52 @@ class LearnedPolicy:
 
         Raises:
             ValueError: the observation is not finite, or its shape is wrong.
+            RuntimeError: `reset` was not called.
         """
+        if not hasattr(self, "_layout"):
+            raise RuntimeError(
+                f"policy {self.name} does not know its satellite yet: call reset(mission, seeds) before the first "
+                "decision, or satid_gym.evaluation.fly, which does"
+            )
         check_observation(observation, self._layout)
         if self.corner_features:
-            return self._tour(observation, self.score)
+            return self.tour(observation, self.score)
         if self._decisions % self.repeat == 0:
             self._command = self._network(observation)
         self._decisions += 1
         return np.clip(self._command, -1.0, 1.0) if self._loop is None else self._loop(observation, self._command)
 
+    @property
+    def memory(self) -> TourMemory | NetworkMemory:
+        """What is remembered of the episodes since `reset`."""
+        if self.corner_features:
+            return self.tour.memory
+        modes = self._loop.state() if isinstance(self._loop, ModeLimit) else np.zeros((0, 0, 2))
+        return NetworkMemory(self._decisions, self._command, modes)
+
+    @memory.setter
+    def memory(self, memory: TourMemory | NetworkMemory) -> None:
+        if isinstance(memory, TourMemory):
+            self.tour.memory = memory
+            return
+        self._decisions, self._command = memory.decisions, memory.command
+        if isinstance(self._loop, ModeLimit):
+            self._loop.restore(memory.modes)
+
     def score(self, features: np.ndarray) -> np.ndarray:
         """Scores (N, 8) of corners by their features (N, 8, features); for a policy that tours corners."""
         return self.network(features)[:, :, 0]
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Name and settings, of which with the network a policy is made."""
+        return {name: getattr(self, name) for name in _OWN}
+
     def save(self, path: Path) -> None:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
-        own, digest = [getattr(self, name) for name in _OWN], hashlib.sha256(tensors).hexdigest()
-        head = dict(zip(_HEAD, (FORMAT, *own, self.network.activation, self.network.squashed, digest), strict=True))
+        last = self.network.activation, self.network.squashed, hashlib.sha256(tensors).hexdigest()
+        head = dict(zip(_HEAD, (FORMAT, *self.settings.values(), *last), strict=True))
         write_bytes(_with_ending(path, ".safetensors"), tensors)
         write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
 

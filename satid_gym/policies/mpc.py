@@ -16,7 +16,7 @@ import numpy as np
 from satid_gym.config import check_flag, check_number
 from satid_gym.control.planning.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import rate_loop
-from satid_gym.gym_api import seed_stream
+from satid_gym.gym_api import planner_streams
 from satid_gym.policy import Kind, Mission
 
 _FIRST_REVERSALS = (10, 17, 24)  # decision of each axis's reversal in the initial plan
@@ -61,7 +61,7 @@ class MPCPolicy:
         """Prepare the rate loop, the planner and the initial plan, which is the same for every episode."""
         self._loop = rate_loop([mission], self.margin)
         self._planner = Planner(mission, len(seeds), self.steps, self.margin, self.walk)
-        self._streams = np.stack([seed_stream(np.random.default_rng([seed, 3])) for seed in seeds])
+        self._streams = planner_streams(seeds)
         self._left = mission.scenario.decisions
         ahead = np.arange(self.horizon)[:, None]
         self._plans = np.tile(np.where(ahead < _FIRST_REVERSALS, 1.0, -1.0), (len(seeds), 1, 1))

@@ -4,12 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from satid_gym.config import check_flag, unknown_name
 
 _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
+
+
+class NetworkMemory(NamedTuple):
+    """What a policy of a network remembers of N episodes.
+
+    Attributes:
+        decisions: since the start.
+        command: (N, out) in force.
+        modes: (N, modes, 2) of `ModeLimit.state`; (0, 0, 2) where modes are not spared, and before the first decision.
+    """
+
+    decisions: int
+    command: np.ndarray
+    modes: np.ndarray
+
+    def take(self, rows: np.ndarray) -> NetworkMemory:
+        """Memory of the episodes of these numbers."""
+        return NetworkMemory(self.decisions, self.command[rows], self.modes[rows] if len(self.modes) else self.modes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +42,8 @@ class Network:
         squashed: whether tanh follows the last layer.
 
     Raises:
-        ValueError: the activation is unknown, or `squashed` is not a bool.
+        ValueError: there is no layer, one is not finite or its shape does not fit the one before, the activation is
+            unknown, or `squashed` is not a bool.
     """
 
     weights: tuple[np.ndarray, ...]
@@ -35,6 +55,18 @@ class Network:
         if self.activation not in _ACTIVATIONS:
             raise unknown_name("activation of a network", self.activation, _ACTIVATIONS)
         check_flag("squashed of a network", self.squashed)
+        if not self.weights or len(self.weights) != len(self.biases):
+            raise ValueError(
+                f"a network has at least one layer, and as many weights as biases, got {len(self.weights)} and "
+                f"{len(self.biases)}"
+            )
+        shapes = [(np.shape(weight), np.shape(bias)) for weight, bias in zip(self.weights, self.biases, strict=True)]
+        for i, (weight, bias) in enumerate(shapes):
+            fits = len(weight) == 2 and 0 not in weight and bias == weight[:1]
+            if not fits or (i > 0 and weight[1:] != shapes[i - 1][1]):
+                raise ValueError(f"layer {i} of the network does not fit: weight {weight}, bias {bias}")
+            if not (np.isfinite(self.weights[i]).all() and np.isfinite(self.biases[i]).all()):
+                raise ValueError(f"layer {i} of the network holds values that are not finite")
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Output (N, out) for observations (N, in), in double precision, for the same result on every machine."""
@@ -56,7 +88,7 @@ class Network:
         """Network from the tensors that `tensors` gives; the other arguments are attributes.
 
         Raises:
-            ValueError: a layer is missing, not finite, or its shape does not fit the one before.
+            ValueError: a layer is missing or not of float32, or the network is refused.
         """
         count = len(tensors) // 2
         names = {f"{kind}.{i}" for kind in ("weight", "bias") for i in range(count)}
@@ -67,10 +99,4 @@ class Network:
                 raise ValueError(f"{name} of the network must be float32, got {tensor.dtype}")
         weights = tuple(np.asarray(tensors[f"weight.{i}"], np.float32) for i in range(count))
         biases = tuple(np.asarray(tensors[f"bias.{i}"], np.float32) for i in range(count))
-        for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
-            fits = weight.ndim == 2 and weight.size > 0 and bias.shape == weight.shape[:1]
-            if not fits or (i > 0 and weight.shape[1] != weights[i - 1].shape[0]):
-                raise ValueError(f"layer {i} of the network does not fit: weight {weight.shape}, bias {bias.shape}")
-            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-                raise ValueError(f"layer {i} of the network holds values that are not finite")
         return cls(weights, biases, activation, squashed)

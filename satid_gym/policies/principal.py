@@ -52,6 +52,7 @@ def widening(observed: dict[str, slice]) -> np.ndarray | None:
         "attitude_age" in size,
         "inertia_walk" in size,
         ("sun" in size, "earth" in size),
+        "window" in size,
     )
     matrix = np.zeros((max(p.stop for p in wide.values()), max(p.stop for p in observed.values())))
     for name, place in wide.items():

@@ -14,7 +14,7 @@ from satid_gym.policies.clear_square import ClearSquarePolicy
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.greedy import GreedyPolicy
-from satid_gym.policies.lookahead_tour import LookaheadTourPolicy
+from satid_gym.policies.lookahead import LookaheadPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.open_loop_optimal import (
     DESIGNS,
@@ -87,7 +87,7 @@ RATE_BASELINES: dict[str, Baseline] = {
     "corner_tour": Baseline(make=CornerTourPolicy, tuned=False),
     "swing_and_stop": Baseline(make=SwingAndStopPolicy, tuned=False),
     "filter_mpc": Baseline(make=FilterMPCPolicy, tuned=False, planner=True),
-    "lookahead_tour": Baseline(make=LookaheadTourPolicy, tuned=False, planner=True),
+    "lookahead": Baseline(make=LookaheadPolicy, tuned=False, planner=True),
     "operator": Baseline(make=OperatorPolicy, tuned=False),
     "swing_between": Baseline(make=SwingBetweenPolicy, tuned=False),
     "clear_square": Baseline(make=ClearSquarePolicy, tuned=False),

@@ -24,11 +24,10 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.core.observation import BOUND, MODE_PARTS, observed_std
-from satid_gym.policy import Kind, Mission
+from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES, observed_std
+from satid_gym.policy import Kind, Mission, check_commands_rates
 
 _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period
-_PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
 _LARGE = 1e6  # cost of what does not spare it
 _CHOICES = np.linspace(-1.0, 1.0, 41)  # of the largest change
 _TINY = 1e-12  # of a length, so that none is divided by 0
@@ -80,8 +79,7 @@ class ShapedSquarePolicy:
         Raises:
             ValueError: the environment takes torques, or the satellite has modes that are not observed.
         """
-        if mission.control != "rate":
-            raise ValueError('shaped_square commands body rates: make the environment with control="rate"')
+        check_commands_rates(mission, self.name)
         if mission.observation != "body":
             raise ValueError('shaped_square observes modes: make the environment with observation="body"')
         places = mission.layout["modes"]
@@ -100,14 +98,14 @@ class ShapedSquarePolicy:
     def note_sheet(self, observation: np.ndarray) -> None:
         """Take the data sheet of each episode's modes from its first observation."""
         modes, coupling = self._modes(observation)
-        self._sheet = 2.0 * np.pi * modes[:, :, _PLACES["frequency"]], np.linalg.norm(coupling, axis=2)
+        self._sheet = 2.0 * np.pi * modes[:, :, MODE_PLACES["frequency"]], np.linalg.norm(coupling, axis=2)
 
     def _modes(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is observed of each mode (N, modes, parts), and its d (N, modes, 3), kg^(1/2) m."""
         modes = observation[:, self._layout["modes"]].astype(float)
         modes = modes.reshape(len(observation), -1, sum(MODE_PARTS.values()))
         moments = self._moments * (1.0 + observation[:, self._layout["inertia"]][:, :3])
-        by_axis = modes[:, :, _PLACES["coupling"] : _PLACES["coupling"] + 3]
+        by_axis = modes[:, :, MODE_PLACES["coupling"] : MODE_PLACES["coupling"] + 3]
         return modes, by_axis * np.sqrt(np.maximum(moments, 0.0))[:, None]
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
@@ -136,7 +134,7 @@ class ShapedSquarePolicy:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Change of the rate along d, (N,) in rate limits, nearest to the wanted one that spares the mode, and the
         largest that does when the mode is at rest; `nominal` is w T of the data sheet, `growth` |d| over its."""
-        part = {name: mode[:, place] for name, place in _PLACES.items()}
+        part = {name: mode[:, place] for name, place in MODE_PLACES.items()}
         turned = 2.0 * np.pi * part["frequency"] * np.exp(-self.caution * observed_std(part["frequency_std"]))
         given = part["deflection_limit"]  # 0 of a mode that no rotation excites, 10 where there is none
         given = np.where((given > 0.0) & (given < BOUND), given, np.inf)

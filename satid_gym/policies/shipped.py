@@ -1,11 +1,14 @@
-"""Shipped policies, and learned policies by name or path."""
+"""Shipped policies, learned policies by name or path, and policies of the user's own code."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from satid_gym.config import unknown_name
+from satid_gym.policies.custom import custom
 from satid_gym.policies.learned import LearnedPolicy, check_name
+from satid_gym.policy import Policy
+from satid_gym.sources import in_module
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 RATE_PRETRAINED = PRETRAINED / "rate"
@@ -27,19 +30,23 @@ def shipped() -> list[LearnedPolicy]:
     return [LearnedPolicy.load(PRETRAINED / name) for name in names()]
 
 
-def find(policy: str) -> LearnedPolicy:
-    """Learned policy by the name of a shipped one, or by the path of its files or of its training run's folder.
+def find(policy: str | Path) -> LearnedPolicy:
+    """Learned policy by the name of a shipped one, or by the path of its files or of its run's folder; runs no code.
 
     `NAME=PATH` gives it another name.
 
     Raises:
-        ValueError: no such policy or file exists, or the name has invalid characters.
+        ValueError: no such policy or file exists, or the name has invalid characters, or it is no text.
     """
+    if not isinstance(policy, (str, Path)):
+        raise ValueError(f"policy must be the name or the path of a learned policy, got {policy!r}: see names()")
+    policy = str(policy)
     if policy in names():
         return LearnedPolicy.load(PRETRAINED / policy)
     if policy in rate_names():
         return LearnedPolicy.load(RATE_PRETRAINED / policy)
-    name, path = _renamed(policy)
+    name, text = _renamed(policy)
+    path = Path(text)
     try:
         found = LearnedPolicy.load(path / "policy" if path.is_dir() else path)
     except FileNotFoundError as error:
@@ -50,7 +57,23 @@ def find(policy: str) -> LearnedPolicy:
     return found
 
 
-def _renamed(policy: str) -> tuple[str | None, Path]:
-    """Name and path of NAME=PATH; no name if the sign is part of a folder's name."""
-    name, sign, path = policy.partition("=")
-    return (name, Path(path)) if sign and name == Path(name).name else (None, Path(policy))
+def find_any(policy: str) -> Policy:
+    """Learned policy as of `find`, or the user's own by module:name, whose code is run; NAME= before it renames either.
+
+    Raises:
+        ValueError: as of `find` and `custom`.
+    """
+    name, text = _renamed(policy)
+    if not in_module(text):
+        return find(policy)
+    own = custom(text)
+    if name is not None:
+        check_name(name)
+        own.name = name
+    return own
+
+
+def _renamed(policy: str) -> tuple[str | None, str]:
+    """Name and text of NAME=PATH; no name if the sign is part of a folder's name."""
+    name, sign, text = policy.partition("=")
+    return (name, text) if sign and name == Path(name).name else (None, policy)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.config import check_number
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.policy import Kind, Mission
+from satid_gym.policy import Kind, Mission, check_commands_rates
 from satid_gym.star_tracker import earth_angle
 
 SIDES = np.array([[x, y, z] for x in (1.0, -1.0) for y in (1.0, -1.0) for z in (1.0, -1.0)])
@@ -68,8 +68,7 @@ class SwingAndStopPolicy:
         Raises:
             ValueError: the environment takes torques, or no star tracker is observed.
         """
-        if mission.control != "rate":
-            raise ValueError('swing_and_stop commands body rates: make the environment with control="rate"')
+        check_commands_rates(mission, self.name)
         if "attitude_age" not in mission.layout:
             raise ValueError(
                 f"the attitude is not observed: swing_and_stop flies satellites with a star tracker, and "

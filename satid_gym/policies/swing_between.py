@@ -68,7 +68,7 @@ class SwingBetweenPolicy(OperatorPolicy):
         guide, is_open = self._pointing, view.opens <= 0.0
         self._gap += self._was_open & ~is_open
         self._was_open = is_open
-        swings = guide.spare(view, self.settle, self.roll > 0.0) > 0.0
+        swings = guide.spare_time(view, self.settle, self.roll > 0.0) > 0.0
         for i in np.flatnonzero(swings & (self._left <= 0.0)):
             self._begin(int(i), view)
         self._left = np.where(swings, self._left - 1.0, 0.0)

@@ -19,12 +19,24 @@ _DRAWN_AT_LIMIT = np.radians(20.0)  # angle at which a panel at its limit of def
 _DRAWN_TRAVEL = 0.25  # of the least edge, by which a mass at its limit is drawn
 _FARTHEST = 1.5  # limits, at which a larger deflection is drawn
 _FACTOR = 20.0  # on deflections without a limit
+_HALF_WIDTH = 0.4  # of a panel, of the body's edge along it
 _TANK, _BALL = 0.24, 0.13  # radii of the least edge
 
 
-def extent(oscillators: tuple[Oscillator, ...]) -> float:
-    """Distance of the furthest tip of a panel from the body's origin, m."""
-    return max((float(np.linalg.norm(o.hinge + 2.0 * o.arm)) for o in oscillators if isinstance(o, Panel)), default=0.0)
+def extent(oscillators: tuple[Oscillator, ...], edges: np.ndarray) -> float:
+    """Distance of the furthest corner of a panel from the body's origin, m; `edges` (3,) are those of the body, m."""
+    tips = [
+        o.hinge + 2.0 * o.arm + side * half_width(o, edges)
+        for o in oscillators
+        if isinstance(o, Panel)
+        for side in (-1.0, 1.0)
+    ]
+    return max((float(np.linalg.norm(tip)) for tip in tips), default=0.0)
+
+
+def half_width(panel: Panel, edges: np.ndarray) -> np.ndarray:
+    """From the middle of a panel's edge to its corner as drawn (3,), m."""
+    return _HALF_WIDTH * float(np.abs(panel.axis) @ edges) * panel.axis
 
 
 class Appendages:
@@ -50,7 +62,7 @@ class Appendages:
                 continue
             turned = Rotation.from_rotvec(_drawn(o, q, _DRAWN_AT_LIMIT) * o.axis).as_matrix()
             tip = side * (o.hinge + 2.0 * turned @ o.arm)
-            across = 0.4 * float(np.abs(o.axis) @ self._scene.edges) * o.axis
+            across = half_width(o, self._scene.edges)
             if ((self._scene.to_view @ (side * o.hinge + tip))[2] > 0.0) != front:
                 continue
             root = side * o.hinge

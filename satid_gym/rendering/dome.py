@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 SUN: Colour = (255, 214, 110)
 EARTH: Colour = (74, 128, 206)
+_NEAR = np.radians(15.0)  # of a direction, within which a cone hides what is drawn along it
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 73)
 
 
@@ -46,6 +47,10 @@ class Dome(abc.ABC):
         beside = along[:, 0] * out[1] - along[:, 1] * out[0]  # the line from the apex to the ring's middle
         for edge in (np.argmax(beside), np.argmin(beside)):
             scene.canvas.line([apex, ring[edge]], shade(colour, BACKGROUND, 0.2), 0.9)
+
+    def width(self, axis: np.ndarray, distance: float) -> float:
+        """Half the cone's width at a distance along a unit vector of the body; 0 where it points elsewhere."""
+        return distance * float(np.tan(self._half)) if angle_between(axis, self._axis) < _NEAR else 0.0
 
     def _rim(self, middle: np.ndarray, radius: float) -> np.ndarray:
         return middle + radius * np.column_stack([np.cos(_AROUND), np.sin(_AROUND)])

@@ -55,6 +55,7 @@ def _scene(canvas: Canvas, history: History) -> None:
     payload = None if history.operations is None else Payload(history, history.operations)
     scene.draw(sky, payload)
     scene.scale_bar(262.0, 250.0)
+    scene.deflection(10.0, 250.0)
     shown = sky if payload is None else payload
     if shown is not None:
         shown.map(canvas, (50.0, 98.0), 42.0)

@@ -6,6 +6,8 @@ body turns, because only a small external torque acts on the satellite.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -27,7 +29,8 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
 _WHEEL_TURN = 2.5  # rad per decision by which a wheel at its speed limit is drawn to turn; really hundreds
 _MOMENTUM_UNIT = 0.2  # of the wheels' capacity: momentum whose arrow has the length of a rate at its limit
 _ARROW_MAX = 1.25  # of that length
-_REACH, _SMALLEST = 1.6, 0.5  # radii to the tip of a panel, and share of its size to which it may make the box shrink
+_REACH, _SMALLEST = 1.2, 0.2  # radii to the tip of a panel, and share of its size to which it may make the box shrink
+_ASIDE = 9.0  # of an axis label from the edge of a cone
 
 
 def box(satellite: Satellite) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +67,7 @@ class Scene:
         self.centre = np.array(centre)
         self.edges, axes = box(history.satellite)
         self.scale = 2.0 * radius / float(np.linalg.norm(self.edges))  # canvas units per unit of the edges
-        reach = extent(history.satellite.oscillators)
+        reach = extent(history.satellite.oscillators, self.edges)
         if history.satellite.size is not None and reach > 0.0:
             self.scale *= max(_SMALLEST, min(1.0, _REACH * radius / (reach * self.scale)))
         self.to_view = _VIEW @ Rotation.from_quat(history.attitude[-1]).as_matrix()
@@ -88,20 +91,22 @@ class Scene:
         appendages.masses()
         self.faces(front=True)
         appendages.panels(front=True)
-        for seen in cones:
-            if seen is not None:
-                seen.cone(self)
-        self.body_axes()
+        seen = [cone for cone in cones if cone is not None]
+        for cone in seen:
+            cone.cone(self)
+        self.body_axes(seen)
         self.vectors()
-        share = appendages.share()
+
+    def deflection(self, x: float, y: float) -> None:
+        """Write the largest deflection over its limit from (x, y) on, if there is a limit."""
+        share = Appendages(self).share()
         if share is not None:
             said = f"deflection {100.0 * share:.0f} % of its limit"
-            place = self.centre + np.array([-0.92, 1.29]) * self.radius
-            self.canvas.text(place, said, ALARM if share > 1.0 else MUTED, 10.0)
+            self.canvas.text((x, y), said, ALARM if share > 1.0 else MUTED, 10.0)
 
     def inertial_axes(self) -> None:
         """Draw the triad of the inertial axes next to the satellite."""
-        origin = self.centre + np.array([-1.34, 1.10]) * self.radius
+        origin = self.centre + np.array([-1.34, 1.05]) * self.radius
         for i, name in enumerate("XYZ"):
             along = _VIEW[:2, i] * np.array([1.0, -1.0])
             self.canvas.arrow(origin, origin + 20.0 * along, MUTED, 1.0)
@@ -159,14 +164,18 @@ class Scene:
             self.canvas.line([hub, end], colour, 0.16 * radius)
         self.canvas.polygon(hub + 0.24 * (near - hub), colour)
 
-    def body_axes(self) -> None:
-        """Draw the body axes, from the faces of the box outward."""
+    def body_axes(self, cones: Sequence[Dome]) -> None:
+        """Draw the body axes, from the faces of the box outward, with their names beside the cones."""
         for i, name in enumerate("xyz"):
             axis = self.to_view[:, i]
             reach = self.scale * 0.5 * float(np.abs(self.box_to_view.T @ axis) @ self.edges)
             start, end = self.place(reach * axis), self.place((reach + 0.2 * self.radius) * axis)
             self.canvas.line([start, end], series_colour(i), 1.5)
-            self.canvas.text(self.place((reach + 0.30 * self.radius) * axis), name, series_colour(i), 11.0, "centre")
+            label, beyond = self.place((reach + 0.30 * self.radius) * axis), 0.30 * self.radius
+            if width := max((cone.width(np.eye(3)[i], beyond) for cone in cones), default=0.0):
+                across = np.array([end[1] - start[1], start[0] - end[0]])
+                label += (width + _ASIDE) * across / max(float(np.hypot(*across)), 1e-9)
+            self.canvas.text(label, name, series_colour(i), 11.0, "centre")
 
     def vectors(self) -> None:
         """Draw momentum and rate from the centre of mass."""

@@ -65,7 +65,7 @@ class ArrayEnvRunner(SingleAgentEnvRunner):
         """Parts of the config that only RLlib's own runner supports."""
         config = self.config
         if config._env_to_module_connector or config._module_to_env_connector:
-            yield "connectors of one's own between environment and module"
+            yield "custom connectors between environment and module"
         for name in _EPISODE_CALLBACKS:
             own = any(getattr(type(made), name) is not getattr(RLlibCallback, name) for made in self._callbacks)
             if own or getattr(config, f"callbacks_{name}"):

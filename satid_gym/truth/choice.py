@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
-
-from satid_gym.sources import imported
+from satid_gym.sources import imported, made
 from satid_gym.truth.protocol import Truth
 
 
@@ -16,13 +14,7 @@ def truth_of(value: object) -> Truth:
     """
     found = imported(value) if isinstance(value, str) else value
     if isinstance(found, type) or (callable(found) and not _is_truth(found)):
-        try:
-            inspect.signature(found).bind()
-        except TypeError as error:
-            raise ValueError(
-                f"truth {value!r} is made without arguments ({error}): give an object, or functools.partial of it"
-            ) from error
-        found = found()
+        found = made(found, f"truth {value!r}")
     if not _is_truth(found):
         raise ValueError(
             "truth must be an object with start(episode) and advance(torque, disturbance, duration), see "

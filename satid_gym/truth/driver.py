@@ -111,7 +111,8 @@ class TruthDriver:
         if plant["sampling"]["on"] and not all(own):
             raise ValueError(
                 "sensors that integrate, count or are late read what happens between two states of the truth: leave "
-                "them to a truth whose State has gyro and tachometer, or give sensors of an instant"
+                "them to a truth whose State has gyro and tachometer, or give sensors "
+                "that neither integrate nor count, without delay"
             )
         if plant["faulty"] and any(own):
             raise ValueError("a truth that returns readings simulates their faults too: give a scenario without faults")

@@ -46,7 +46,7 @@ class Choice:
         corners: (N, 8, 3) rates over the limit.
         reverses: (N, 8, 3) whether a corner reverses an axis.
         waited: (N, 3) time since each axis reversed, s.
-        own: (N, 8) score of the law by waits.
+        wait_score: (N, 8) score of the law by waits.
         fixes: of star trackers, where a feature needs them.
         modes: of panels and tanks.
         foreseen: forecasts these.
@@ -60,7 +60,7 @@ class Choice:
     corners: np.ndarray
     reverses: np.ndarray
     waited: np.ndarray
-    own: np.ndarray
+    wait_score: np.ndarray
     fixes: StarFixes | None
     modes: Modes
     foreseen: ObservedModes

@@ -14,10 +14,10 @@ from satid_gym.scenario import Scenario
 
 SLEWS = 3.0
 FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
-    "waited": lambda c: c.own,  # the law by waits: of axes that reverse, waits over the hold, -1 each that is too early
+    "waited": lambda c: c.wait_score,  # of axes that reverse, waits over the hold, -1 each that is too early
     "waited_slews": lambda c: c.sum_of(np.where(c.slewed >= SLEWS, c.slewed / SLEWS, -1.0)),  # over what slews take
-    "waited_early": lambda c: c.own * c.early,
-    "waited_walk": lambda c: c.own * c.walk,
+    "waited_early": lambda c: c.wait_score * c.early,
+    "waited_walk": lambda c: c.wait_score * c.walk,
     "reversals": lambda c: c.count,
     "reversals_2s": lambda c: c.sum_of(np.exp(-c.waited / 2.0)),
     "reversals_4s": lambda c: c.sum_of(np.tanh(c.waited / 4.0)),

@@ -144,8 +144,13 @@ class CornerTour:
         self.side, self._waited = memory.side, memory.waited
         self._turn(np.where(np.abs(action) > _SLOW, np.sign(action), self.side))
 
-    def __call__(self, observation: np.ndarray, score: Score | None = None) -> np.ndarray:
-        """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited."""
+    def __call__(
+        self, observation: np.ndarray, score: Score | None = None, leaves: np.ndarray | bool = False
+    ) -> np.ndarray:
+        """Action (N, 3) for observations (N, size); without a score, by how long the axes that reverse have waited.
+
+        Where there are imaging windows, an episode that `leaves` (N,) begins to slew to the next one now.
+        """
         corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
         corners = np.broadcast_to(corners, (len(observation), *CORNERS.shape))
         modes = self._modes.read(observation)
@@ -161,7 +166,7 @@ class CornerTour:
                 corners=corners,
                 reverses=reverses,
                 waited=self._waited,
-                own=scores,
+                wait_score=scores,
                 fixes=self._fixes,
                 modes=modes,
                 foreseen=self._modes,
@@ -173,7 +178,7 @@ class CornerTour:
         episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
         self._turn(CORNERS[best])
         action = corners[episodes, best]
-        return action if self._gaps is None else self._gaps(observation, action)
+        return action if self._gaps is None else self._gaps(observation, action, leaves)
 
     def _turn(self, side: np.ndarray) -> None:
         """Note that the axes turn to these sides (N, 3) now."""

@@ -74,7 +74,7 @@ class Observed(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """TrueMotion of one plan, by decision: row d is what decision d begins with, the last what the plan ends with.
+    """Forecast of one plan, by decision: row d is the start of decision d, the last row the end of the plan.
 
     Attributes:
         beliefs: (H + 1,) belief records.

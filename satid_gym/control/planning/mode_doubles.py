@@ -5,7 +5,7 @@ the estimate is and are driven by the same change of the body rate,
 
     d2 eta/dt2 = -w^2 eta - 2 zeta w deta/dt - d . domega/dt
 
-and no reading corrects them: a bend that will come is not lessened by knowing more of it then.
+and no reading corrects them: a bend to come does not shrink because more of it will be known then.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def begin(belief, doubles, caution):
 
 
 @inline
-def _slow_down(eta, speed, w, zeta, push, h):
-    """Rate of a deflection after h seconds of its spring and damper, and a push."""
+def _kick(eta, speed, w, zeta, push, h):
+    """Deflection rate after h seconds of spring and damper, and a push."""
     return speed - push - h * (w * w * eta + 2.0 * zeta * w * speed)
 
 
@@ -48,8 +48,8 @@ def bend(belief, doubles, turned, dt):
         zeta, push = belief.modes.zeta[i], 0.5 * dot(load(belief.modes.d[i]), turned)
         for side in range(2):
             eta, speed, w = load(doubles[i, side])
-            speed = _slow_down(eta, speed, w, zeta, push, 0.5 * dt)
+            speed = _kick(eta, speed, w, zeta, push, 0.5 * dt)
             eta += dt * speed
-            doubles[i, side, 0], doubles[i, side, 1] = eta, _slow_down(eta, speed, w, zeta, push, 0.5 * dt)
+            doubles[i, side, 0], doubles[i, side, 1] = eta, _kick(eta, speed, w, zeta, push, 0.5 * dt)
             largest = max(largest, abs(eta) / modes.limit_of(belief, i))
     return largest

@@ -122,7 +122,7 @@ class Planner:
         return out
 
     def improve(self, plans: np.ndarray, streams: np.ndarray, edits: int, ahead: int) -> None:
-        """Lessen the error that plans (N, H, 3) of rate commands, each -1 or 1, promise over `ahead` decisions.
+        """Reduce the error that plans (N, H, 3) of rate commands, each -1 or 1, promise over `ahead` decisions.
 
         Local search: one edit after another, drawn from the streams (N, 4), is kept where it helps.
         """

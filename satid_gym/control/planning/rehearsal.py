@@ -21,6 +21,7 @@ from satid_gym.core.algebra import (
     cross,
     factor,
     inverse,
+    load,
     load_symmetric,
     multiply,
     norm,
@@ -31,12 +32,13 @@ from satid_gym.core.belief import calibration, filters, modes
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.rotation import load_quaternion
-from satid_gym.core.sky import is_blind
+from satid_gym.core.rotation import load_quaternion, to_inertial
+from satid_gym.core.sky import is_blind, is_off_target
 from satid_gym.core.wheels import along_axis, sum_wheels
 
 _SAME = 1e-9  # s, within which two instants are one
 _BEYOND = 10.0  # by which a bend of one limit beyond the limit counts, over the expected error
+_ON_TARGET = 0.5  # of what an imaging window allows: noise, which is not rehearsed, takes the rest
 
 
 class Flights(NamedTuple):
@@ -59,7 +61,8 @@ class Trail(NamedTuple):
         beliefs, tasks, trackers: (R,) as in `Flights`.
         spins: (R, n) momentum of each wheel about its axis, N m s.
         doubles: (R, modes, 2, 3) see `mode_doubles`.
-        losses: (R,) sum over decisions of the error that the filter expects, more where the body bends too far.
+        losses: (R,) sum over decisions of the error that the filter expects, more where the body bends too far or an
+            imaging window is missed.
     """
 
     beliefs: np.ndarray
@@ -72,7 +75,7 @@ class Trail(NamedTuple):
     @classmethod
     def of(cls, flights: Flights, count: int) -> Trail:
         """Room for that many rows."""
-        wheels, oscillators = room(flights)
+        wheels, oscillators = sizes(flights)
         return cls(
             beliefs=np.empty(count, flights.beliefs.dtype),
             tasks=np.empty(count, flights.tasks.dtype),
@@ -93,7 +96,7 @@ class Scratch(NamedTuple):
     theta: np.ndarray
 
 
-def room(flights: Flights) -> tuple[int, int]:
+def sizes(flights: Flights) -> tuple[int, int]:
     """Number of wheels, and of modes, of each flight."""
     return flights.beliefs["wheel_inertia"].shape[1], flights.beliefs["modes"]["coupling"].shape[1]
 
@@ -107,12 +110,13 @@ def copy_row(source, target, d):
 
 @inline
 def _expected_error(belief, scratch):
-    """Geometric mean of theta's standard deviations over its scale; a factor that no excitation finds is not in it."""
+    """Geometric mean of theta's stds over its scale, but for a factor no excitation finds; inf: the filter broke."""
     p = belief.prior_theta.shape[0]
     for i in range(p):
         for j in range(p):
             scratch.theta[i, j] = belief.covariance[3 + i, 3 + j] / (belief.theta_scale[i] * belief.theta_scale[j])
-    return max(factor(scratch.theta, 0, p, scratch.work[0].block), 0.0) ** (0.5 / p)
+    determinant = factor(scratch.theta, 0, p, scratch.work[0].block)
+    return determinant ** (0.5 / p) if determinant > 0.0 else np.inf
 
 
 @inline
@@ -122,8 +126,8 @@ def _time(task, samples):
 
 
 @inline
-def is_tracking(belief, task, tracker, rate, time):
-    """Whether stars are to be seen at a time, s; notes until when not. Without an attitude the sky blinds nobody."""
+def track_stars(belief, task, tracker, rate, time):
+    """Note until when the tracker is blind; whether it sees stars at a time, s. With no attitude no sky blinds it."""
     phase = np.cos(task.orbit_rate * time), np.sin(task.orbit_rate * time)
     blind = is_blind(tracker, load_quaternion(belief.attitude.quaternion), rate, phase)
     if belief.attitude.known == 0:
@@ -175,12 +179,22 @@ def _rehearse_sample(belief, task, spin, scratch):
 @inline
 def _rehearse_stars(belief, task, tracker, omega, time, scratch):
     """Let the star tracker read what the belief expects, where it sees stars and a reading is due."""
-    if belief.attitude.on == 0 or not is_tracking(belief, task, tracker, omega, time):
+    if belief.attitude.on == 0 or not track_stars(belief, task, tracker, omega, time):
         return
     tracker.waited = (tracker.waited + 1) % tracker.every
     if tracker.waited == 0:
         scratch.attitude[:] = belief.attitude.quaternion
         filters.condition_attitude(belief, scratch.work[0], scratch.attitude)
+
+
+@inline
+def _misses(belief, task, omega, time):
+    """Whether an announced window is open and the payload, by the estimated attitude, not safely on its target."""
+    if task.tells_window == 0 or time < task.opens or time - task.sample_period >= task.closes:
+        return False
+    boresight = to_inertial(load_quaternion(belief.attitude.quaternion), load(task.payload))
+    cosine = 1.0 - _ON_TARGET**2 * (1.0 - task.pointing_cosine)  # of a small angle
+    return is_off_target(boresight, load(task.target), omega, cosine, _ON_TARGET * task.steadiness)
 
 
 @outline
@@ -192,28 +206,34 @@ def begin(trail, row, flights, i, caution):
     for k in range(trail.spins.shape[1]):
         trail.spins[row, k] = belief.wheel_inertia[k] * (belief.speed[k] + along_axis(belief.axes, k, omega))
     if belief.attitude.on != 0:
-        is_tracking(belief, task, flights.trackers[i], omega, _time(task, 0))
+        track_stars(belief, task, flights.trackers[i], omega, _time(task, 0))
     trail.trackers[row] = flights.trackers[i]
     mode_doubles.begin(belief, trail.doubles[row], caution)
     trail.losses[row] = 0.0
 
 
 @outline
-def decide(trail, row, action, scratch):
-    """Move a row of a trail on by a decision for rates (3,) over their limit; returns what the decision loses."""
-    belief, task, spin, bent = trail.beliefs[row], trail.tasks[row], trail.spins[row], 0.0
+def decide(trail, row, action, miss, scratch):
+    """Move a row of a trail on by a decision for rates (3,) over their limit; returns what the decision loses.
+
+    `miss` is the weight of imaging windows: a decision that misses one throughout loses 1 + miss times the expected
+    error. With 0 they do not count.
+    """
+    belief, task, spin, bent, missed = trail.beliefs[row], trail.tasks[row], trail.spins[row], 0.0, 0
     write_speeds(belief, spin, filters.rate(belief), scratch.tachometer)
     for i in range(3):
         task.tracking.reference[i] = action[i] * task.rate_limit
     for sample in range(task.samples):
         before = filters.rate(belief)
-        omega = _rehearse_sample(belief, task, spin, scratch)
-        _rehearse_stars(belief, task, trail.trackers[row], omega, _time(task, sample + 1), scratch)
+        omega, time = _rehearse_sample(belief, task, spin, scratch), _time(task, sample + 1)
+        _rehearse_stars(belief, task, trail.trackers[row], omega, time, scratch)
+        if miss > 0.0:
+            missed += _misses(belief, task, omega, time)
         turned = subtract(filters.rate(belief), before)
         farthest = mode_doubles.bend(belief, trail.doubles[row], turned, task.sample_period)
         bent = max(bent, max(farthest, modes.bend(belief)) - 1.0)
     task.decision += 1
-    return _expected_error(belief, scratch) * (1.0 + _BEYOND * bent)
+    return _expected_error(belief, scratch) * (1.0 + _BEYOND * bent + miss * missed / task.samples)
 
 
 @outline
@@ -224,7 +244,7 @@ def fly(trail, plan, first, worst, scratch):
         trail.beliefs[d + 1], trail.tasks[d + 1] = trail.beliefs[d], trail.tasks[d]
         trail.trackers[d + 1], trail.spins[d + 1] = trail.trackers[d], trail.spins[d]
         trail.doubles[d + 1] = trail.doubles[d]
-        trail.losses[d + 1] = trail.losses[d] + decide(trail, d + 1, plan[d], scratch)
+        trail.losses[d + 1] = trail.losses[d] + decide(trail, d + 1, plan[d], 0.0, scratch)
         if trail.losses[d + 1] > worst:
             trail.losses[ahead] = trail.losses[d + 1]
             return

@@ -88,7 +88,7 @@ def _edit(plan, stars, stream):
 
 @kernel
 def improve_rehearsed(flights, plans, proposals, shares, trails, scratch, streams, search):
-    """Lessen what plans (N, H, 3) of rates, over those allowed, promise to lose: what loses less is kept.
+    """Reduce the loss that plans (N, H, 3), rates over those allowed, promise; a change is kept if it loses less.
 
     Proposals are tried, and then one edit after another.
 

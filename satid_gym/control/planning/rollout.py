@@ -17,20 +17,22 @@ def begin_rollouts(trail, flights, each, caution):
 
 
 @kernel
-def roll_out(trail, actions, scratch, observations):
+def roll_out(trail, actions, miss, scratch, observations):
     """Fly a decision in each row; adds to the losses what it loses, and writes what would be observed (R, size).
 
     Args:
         trail: `Trail` of R rows.
         actions: (R, 3) rates over their limit.
+        miss: weight of imaging windows, see `rehearsal.decide`.
         scratch: `Scratch`.
         observations: written.
     """
     for row in range(actions.shape[0]):
-        trail.losses[row] += decide(trail, row, actions[row], scratch)
+        trail.losses[row] += decide(trail, row, actions[row], miss, scratch)
         belief, task = trail.beliefs[row], trail.tasks[row]
         for i in range(3):
             task.command[i] = actions[row, i]
+        task.nis_sum, task.nis_count = 0.0, 0  # an expected reading has none
         omega = filters.rate(belief)
         store(scratch.gyro, calibration.reading_of(belief, omega))
         write_speeds(belief, trail.spins[row], omega, scratch.tachometer)

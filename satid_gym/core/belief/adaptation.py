@@ -129,7 +129,7 @@ def predict(belief, dt):
     else:
         variance, slope, share = q_min * max(0.0, 1.0 + e + e * doubt), q_min, (1.0 + e) ** 2
     state.walk = np.sqrt(variance)
-    faster = coherence.factor(state, dt, min(max(e - doubt, 0.0), 1.0))
+    faster = coherence.predict(state, dt, min(max(e - doubt, 0.0), 1.0))
     variance, slope = faster * variance, faster * slope
     p = belief.theta_scale.shape[0]
     own = _OWN_SHARE if p == 6 else 1.0
@@ -137,7 +137,7 @@ def predict(belief, dt):
         scale = belief.theta_scale[k]
         belief.walk[3 + k] = np.sqrt(own * variance) * scale
         state.covariance_slope[k, k] += own * slope * scale * scale * dt
-        for j in range(k, p if own < 1.0 else 0):  # both entries at once: rounding goes by the order
+        for j in range(k, p if own < 1.0 else 0):  # both entries in one statement: rounding depends on the order
             common = (1.0 - own) * belief.mean[3 + k] * belief.mean[3 + j] * dt
             D[k, j] = D[j, k] = D[k, j] + slope * common
             P[3 + k, 3 + j] = P[3 + j, 3 + k] = P[3 + k, 3 + j] + variance * common

@@ -126,11 +126,10 @@ def _align_wheels(belief, tachometer, torque, dt):
 
 
 @inline
-def is_mixed(belief):
-    """Whether the reading that has shown a step of the inertia is a mean of values before and after it.
+def leave_out_mixed(belief):
+    """Leave out the readings that mix values before and after a step of the inertia; whether there are any.
 
-    It and those that follow, as many samples as the mean spans, are then left out, and what an encoder's errors have
-    taken up of the step is forgotten.
+    They are as many as a reading's mean spans samples. What an encoder's errors have taken up of the step is forgotten.
     """
     s = belief.alignment
     s.mixed = s.span

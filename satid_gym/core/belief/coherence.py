@@ -34,8 +34,8 @@ def forget(state):
 
 
 @inline
-def factor(state, dt, surely_moves):
-    """c of the dt seconds to come; `surely_moves`, within [0, 1], scales what exceeds 1."""
+def predict(state, dt, surely_moves):
+    """Age by dt seconds; c of that time. `surely_moves`, within [0, 1], scales what exceeds 1."""
     state.age += dt
     return 1.0 + surely_moves * max(2.0 * state.age / state.usual_age - 2.0, 0.0)
 

@@ -89,8 +89,8 @@ def gate_tachometers(belief, tachometer, torque, dt):
 
 
 @inline
-def is_momentum_lost(belief):
-    """Whether M - a was unobserved for so long that nothing is known of M; it is over once all sensors are back."""
+def take_momentum_loss(belief):
+    """Whether M - a was unobserved for so long that nothing is known of M; once all sensors are back it ends."""
     lost = belief.gate.outage > _OUTAGE_MAX
     if not is_any_stuck(belief):
         belief.gate.outage = 0
@@ -106,8 +106,8 @@ def doubt_inertia(belief, dt):
 
 
 @inline
-def is_repeated(belief, gyro):
-    """Whether the gyro reading is repeated, which is counted; never where the gyro has no noise."""
+def note_repeat(belief, gyro):
+    """Note a gyro reading; whether it repeats the last one, which is counted. Never where the gyro has no noise."""
     repeated = belief.gate.gyro_noisy != 0
     for i in range(3):
         repeated = repeated and gyro[i] == belief.gate.last_gyro[i]

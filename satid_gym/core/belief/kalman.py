@@ -45,7 +45,7 @@ def theta_covariance(belief, i, j):
 
 @inline
 def is_known_to(belief, relative):
-    """Whether each moment's standard deviation is at most so much of it."""
+    """Whether each moment's standard deviation is at most the share `relative` of the moment."""
     known = True
     for k in range(3):
         known = known and not belief.covariance[3 + k, 3 + k] > (relative * belief.mean[3 + k]) ** 2

@@ -136,12 +136,12 @@ def condition(belief, work, gyro):
     Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
     """
     gated = belief.gate.threshold > 0.0
-    if gated and gating.is_repeated(belief, gyro):
+    if gated and gating.note_repeat(belief, gyro):
         return 0.0
     momentum_model.linearise(belief, work, gyro)
     if gated:
         decision = gating.REINITIALISE
-        if not gating.is_momentum_lost(belief):
+        if not gating.take_momentum_loss(belief):
             decision = gating.validate(belief, work)
         if decision > 0.0:
             return decision

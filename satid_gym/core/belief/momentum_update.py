@@ -28,7 +28,7 @@ def update_gyro(belief, work, gyro):
     if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
         attitude.doubt(belief, work, STEP)
-        if alignment.is_mixed(belief):
+        if alignment.leave_out_mixed(belief):
             return 0.0
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
@@ -95,7 +95,7 @@ def _update_once(belief, work):
 
 @inline
 def _update_rate(belief, work):
-    """The same in errors of the rate.
+    """Update by what is in work, in errors of the rate.
 
     Not where one linearisation will not do, which an iteration in M replaces. Nor after a step of the inertia: that
     changes the rate and leaves M, so what is known there is M.

@@ -57,7 +57,7 @@ def predict(belief, work, tachometer, dt):
     J_inv = inverse(inertia)
     omega = load(belief.mean)
     momentum = add(multiply(inertia, omega), wheel_momentum(belief, belief.mean[3 + p :]))
-    change = work.wheel[0]
+    change = work.wheel
     for k in range(n):
         change[k] = (tachometer[k] - belief.wheel_input[k]) / dt
     motor = wheel_momentum(belief, change)

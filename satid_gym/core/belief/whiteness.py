@@ -50,7 +50,7 @@ LIMITS = (1.4, 1.9, 2.28, 3.42, 4.89)
 FALSE_ALARM_RATE = 0.01  # share of white flights of 3000 readings that go beyond a limit, at most
 MEMORY, PRIOR = 1000, 100  # readings
 _KEPT = tuple(float(np.exp(-1.0 / T)) if T > 0.0 else 0.0 for T in TIME_CONSTANTS)  # a
-_FAST = 2  # so many time constants are so short that no inertia that varies colours innovations for as long
+_FAST = 2  # the first time constants, too short for a varying inertia to colour innovations
 _FACTOR_MAX = 1e4
 # of restarts: chosen by hand among five versions, by 200 tuning flights in scenario flex and by three worlds of
 # baselines.studies.consistency on validation seeds; docs/flexible.md has test seeds
@@ -111,7 +111,7 @@ def note(belief, work):
     state = belief.whiteness
     state.readings += 1
     weight = 1.0 / min(state.readings + PRIOR, MEMORY)
-    if state.factor != 1.0:  # of which the innovations are normalised by their variance without it
+    if state.factor != 1.0:  # the reading was whitened with it: normalise the innovation as if without
         for i in range(3):
             variance = work.innovation_variance[i]
             work.normalised[i] *= np.sqrt(state.factor * variance / (1.0 + state.factor * (variance - 1.0)))

@@ -39,7 +39,7 @@ def _room(value, cap):
 
 
 @outline
-def spare(reference, d, state, rate_limit):
+def constrain(reference, d, state, rate_limit):
     """The reference, rad/s, changed so that the rate about d stays within the limit.
 
     Args:

@@ -49,7 +49,7 @@ def null_dtype(n: int) -> np.dtype:
 
 @inline
 def _room(s, spin_max, k, spin):
-    """Room of wheel k that holds so much with the body at rest, N m s."""
+    """Room of wheel k that holds `spin` with the body at rest, N m s."""
     low, high = s.avoided[k, 0], s.avoided[k, 1]
     size = abs(spin)
     clear = size - high

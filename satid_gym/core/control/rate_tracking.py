@@ -43,7 +43,7 @@ from satid_gym.core.belief import filters
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control import motors
 from satid_gym.core.control.allocation import allocate, fits, storable, within_reach
-from satid_gym.core.control.lost_axis import spare
+from satid_gym.core.control.lost_axis import constrain
 from satid_gym.core.control.motors import LOST, motors_dtype
 from satid_gym.core.control.null_motion import choose, null_dtype
 from satid_gym.core.jit import inline, outline
@@ -180,7 +180,7 @@ def track(task, belief, gyro, tachometer, dt, torque):
     reference = load(s.reference)
     if n == 3 and s.motors.gain[weakest] < LOST:
         state = (omega, momentum, inertia)
-        reference = spare(reference, _lost_axis(s, weakest), state, task.rate_limit)
+        reference = constrain(reference, _lost_axis(s, weakest), state, task.rate_limit)
     wheels = (axes, s.allocation, s.spin_max)
     wanted = storable(_ease(s, reference, dt), momentum, inertia, wheels, s.scratch)
     free = axpy_symmetric(-1.0, load_symmetric(s.rotor_inertia), inertia)

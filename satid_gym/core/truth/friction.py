@@ -25,7 +25,7 @@ _REST, _BROKEN_AWAY = 2.0, 9.0  # times Omega_s: below it tanh, and the stiction
 
 @inline
 def friction(plant, speed):
-    """Torque by which friction brakes a wheel of so many rad/s, N m."""
+    """Friction torque that brakes a wheel at `speed`, rad/s; N m."""
     x = speed / (np.sqrt(2.0) * plant.stribeck_speed)
     stiction = np.sqrt(2.0 * np.e) * (plant.friction_static - plant.friction_coulomb) * x * np.exp(-x * x)
     coulomb = plant.friction_coulomb * np.tanh(10.0 * speed / plant.stribeck_speed)
@@ -65,7 +65,7 @@ def wheels_after(plant, torque, stage, h, omega):
 
 @outline
 def longest_step(plant, torque, most):
-    """Longest step, of at most so many seconds, in which no wheel passes too much of the zone where friction bends."""
+    """Longest step, at most `most` seconds, in which no wheel passes too much of the zone where friction bends."""
     coulomb, scale = plant.friction_coulomb, plant.stribeck_speed
     stiction = plant.friction_static - coulomb
     h = most

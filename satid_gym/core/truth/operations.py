@@ -16,6 +16,7 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.random import between, next_word, normal
 from satid_gym.core.records import FLOAT, INT, UINT
 from satid_gym.core.rotation import to_inertial
+from satid_gym.core.sky import is_off_target
 from satid_gym.core.truth.star_tracker import place_sun
 
 _DRAWS_MAX = 1000
@@ -98,9 +99,8 @@ def note_operations(plant, report):
     boresight = to_inertial(plant.attitude, load(own.boresight))
     if dot(boresight, load(plant.tracker.sun)) > own.keep_out_cosine:
         report.in_keep_out += 1.0
-    if plant.time >= own.opens:
-        off = dot(boresight, load(own.target)) < own.pointing_cosine
-        if off or norm(load(plant.rate)) > own.steadiness:
-            report.window_missed += 1.0
+    off = is_off_target(boresight, load(own.target), load(plant.rate), own.pointing_cosine, own.steadiness)
+    if off and plant.time >= own.opens:
+        report.window_missed += 1.0
     if plant.time >= own.closes:
         next_window(plant)

@@ -26,7 +26,7 @@ def _wheels(n: int) -> list[Field]:
 def plant_dtype(n: int, knots: int = 1, oscillators: int = 0, lines: int = 0, delay: int = 0) -> np.dtype:
     """Truth: wheels, body, environment, sensors, and the random stream that moves them.
 
-    `knots`: room for those of a law given as a table, see `satid_gym.laws.room`; 1 for other laws.
+    `knots`: room for those of a law given as a table, see `satid_gym.laws.InertiaLaw.room`; 1 for other laws.
     `lines`: room for readings on their way, where sensors are timed.
     `delay`: the longest of a command, in samples; there is room for 16, 64, 256, ... commands, because the core is
     compiled for each room.

@@ -70,7 +70,7 @@ def overspeed(plant, torque, h, omega):
 
 @inline
 def present_overspeed(plant):
-    """The same at plant.time."""
+    """How far beyond its limit the fastest free wheel is at plant.time, relative to the limit."""
     worst = -1.0
     for k in range(plant.locked.shape[0]):
         if plant.locked[k] == 0:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.estimators.filterpy.model import tensor
+from satid_gym.estimators.inertia import inertia_tensors
 
 
 class NotIdentifiedError(ValueError):
@@ -20,18 +20,16 @@ class InertiaFit:
     Attributes:
         theta: (p,) kg m^2, body frame; physical.
         covariance: (p, p) of theta, from the scatter of the residuals; the physical constraint is not in it.
-        rank: how many combinations of theta the data determine numerically; always p.
         condition: of the design, in units of noise and of the prior inertia, nuisances projected out.
         residual_std: of the residuals, in units of what the sensors' data sheets predict.
     """
 
     theta: np.ndarray
     covariance: np.ndarray
-    rank: int
     condition: float
     residual_std: float
 
     @property
     def inertia(self) -> np.ndarray:
         """(3, 3) kg m^2."""
-        return tensor(self.theta)
+        return inertia_tensors(self.theta)

@@ -25,8 +25,7 @@ from satid_gym.estimators.batch.second_moment import (
     nearest_physical,
     to_factor,
 )
-from satid_gym.estimators.filterpy.model import tensor
-from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
+from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters, inertia_tensors
 
 NAMES = ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz")
 SIGNAL_MIN = 3.0  # rms of a regressor over its noise; below it that noise biases least squares by 10 %
@@ -68,15 +67,15 @@ class Regression:
 
     def noise(self, theta: np.ndarray) -> np.ndarray:
         """Covariance (3, 3) of a row."""
-        inertia = tensor(theta)
+        inertia = inertia_tensors(theta)
         return self.noise_factor * (self.gyro_noise_std**2 * inertia @ inertia + self.wheel_noise)
 
     def linear(self) -> InertiaFit:
         """Weighted least squares."""
-        spectrum = self._spectrum(SIGNAL_MIN)
+        condition = self._condition(SIGNAL_MIN)
         design, target = self._rows(self.design), self._rows(self.target[..., None])[:, 0]
         return self._fit(
-            np.linalg.lstsq(design, target, rcond=None)[0], self._per_row(np.linalg.pinv(design)), spectrum
+            np.linalg.lstsq(design, target, rcond=None)[0], self._per_row(np.linalg.pinv(design)), condition
         )
 
     def instrumental(self, instruments: np.ndarray) -> InertiaFit:
@@ -85,7 +84,7 @@ class Regression:
         Args:
             instruments: (N, 3, p + q), correlated with the design but not with its noise.
         """
-        spectrum = self._spectrum(0.0)
+        condition = self._condition(0.0)
         design, target = self._rows(self.design), self._rows(self.target[..., None])[:, 0]
         z = self._rows(instruments)
         try:
@@ -94,7 +93,7 @@ class Regression:
             raise NotIdentifiedError(
                 "the instruments do not follow the motion, so they identify nothing; sample faster or move slower"
             ) from error
-        return self._fit(inverse @ target, self._per_row(inverse), spectrum)
+        return self._fit(inverse @ target, self._per_row(inverse), condition)
 
     def nonlinear(self, weight: np.ndarray, loss: Literal["linear", "huber"], loss_scale: float = 1.0) -> InertiaFit:
         """Minimum of the residual J^-1 (design x - target), in units of rate or of its derivative.
@@ -106,7 +105,7 @@ class Regression:
             loss: "linear" for squares, "huber" for squares that turn linear.
             loss_scale: weighted residual at which they do.
         """
-        spectrum = self._spectrum(SIGNAL_MIN)
+        condition = self._condition(SIGNAL_MIN)
         p = self.count
         residual, jacobian = self._residual(weight)
         low, high = factor_bounds(p)
@@ -128,19 +127,19 @@ class Regression:
         theta = from_factor(result.x[:p])
         slope = jacobian(result.x)
         slope[:, :p] = slope[:, :p] @ np.linalg.inv(factor_jacobian(result.x[:p]))
-        inverse = np.linalg.pinv(slope).reshape(slope.shape[1], -1, 3) @ weight @ np.linalg.inv(tensor(theta))
-        return self._fit(np.concatenate([theta, result.x[p:]]), inverse, spectrum)
+        inverse = np.linalg.pinv(slope).reshape(slope.shape[1], -1, 3) @ weight @ np.linalg.inv(inertia_tensors(theta))
+        return self._fit(np.concatenate([theta, result.x[p:]]), inverse, condition)
 
     def _residual(
         self, weight: np.ndarray
     ) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
         """Residual (3 N,) and Jacobian (3 N, p + q) by [entries of the second moment's factor, nuisance]."""
         p = self.count
-        units = np.array([tensor(unit) for unit in np.eye(p)])
+        units = inertia_tensors(np.eye(p))
 
         def error(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             theta = from_factor(x[:p])
-            J_inv = np.linalg.inv(tensor(theta))
+            J_inv = np.linalg.inv(inertia_tensors(theta))
             rows = self.design @ np.concatenate([theta, x[p:]]) - self.target
             return rows @ J_inv, weight @ J_inv
 
@@ -162,8 +161,8 @@ class Regression:
         root = np.linalg.cholesky(self.noise(self.start if theta is None else theta))
         return np.linalg.solve(root, values).reshape(-1, values.shape[2])
 
-    def _spectrum(self, least_signal: float) -> tuple[int, float]:
-        """Rank and condition number of the design for theta.
+    def _condition(self, least_signal: float) -> float:
+        """Condition number of the design for theta.
 
         Raises:
             NotIdentifiedError: a combination of parameters has no more than `least_signal` times the noise.
@@ -184,13 +183,13 @@ class Regression:
                 f"{least / np.sqrt(len(self.design)):.3g}; turn the body more about that axis, or use principal "
                 f"moments instead of the full tensor"
             )
-        return int(np.sum(values > numeric)), float(values[0] / values[-1])
+        return float(values[0] / values[-1])
 
     def _per_row(self, inverse: np.ndarray) -> np.ndarray:
         """(p + q, N, 3) of an inverse (p + q, 3 N) for rows of unit noise."""
         return inverse.reshape(len(inverse), -1, 3) @ np.linalg.inv(np.linalg.cholesky(self.noise(self.start)))
 
-    def _fit(self, x: np.ndarray, inverse: np.ndarray, spectrum: tuple[int, float]) -> InertiaFit:
+    def _fit(self, x: np.ndarray, inverse: np.ndarray, condition: float) -> InertiaFit:
         """Fit of unknowns x (p + q,) that follow the rows by `inverse` (p + q, N, 3), made physical."""
         errors = self._rows((self.design @ x - self.target)[..., None], x[: self.count])
         variance = float(np.sum(errors**2)) / (len(errors) - len(x))
@@ -199,8 +198,7 @@ class Regression:
         return InertiaFit(
             theta=nearest_physical(x[: self.count], np.linalg.inv(spread)),
             covariance=variance * spread,
-            rank=spectrum[0],
-            condition=spectrum[1],
+            condition=condition,
             residual_std=float(np.sqrt(variance)),
         )
 
@@ -216,7 +214,7 @@ class Regression:
         crossed = np.cross(gain, momentum)  # g [m x] = -(m x g) = g x m
         inertial = np.einsum("pki,kji->pkj", crossed, self.attitude)
         later = np.cumsum(inertial[:, ::-1], axis=1)[:, ::-1]
-        response = gain @ tensor(x[: self.count]) - self.dt * np.einsum("pkj,kji->pki", later, self.attitude)
+        response = gain @ inertia_tensors(x[: self.count]) - self.dt * np.einsum("pkj,kji->pki", later, self.attitude)
         gyro = self.gyro_noise_std**2 * np.einsum("pki,qki->pq", response, response)
         return gyro + np.einsum("pki,ij,qkj->pq", gain, self.wheel_noise, gain)
 

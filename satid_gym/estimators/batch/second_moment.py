@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.optimize
 
-from satid_gym.estimators.filterpy.model import tensor
-from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, inertia_parameters
+from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, inertia_parameters, inertia_tensors
 from satid_gym.rigid_body import least_second_moment, second_moment
 
 _ENTRIES = [(0, 0), (1, 1), (2, 2), *((j, i) for i, j in PRODUCTS)]  # of C: diagonal, then below it
@@ -24,12 +23,12 @@ _SPREAD_MIN = 1e-6  # of tr(S): a start on the boundary would never leave it
 
 def is_physical(theta: np.ndarray) -> bool:
     """Whether some body of positive extent in every direction has the inertia theta (p,)."""
-    return least_second_moment(tensor(theta)) > 0.0
+    return least_second_moment(inertia_tensors(theta)) > 0.0
 
 
 def to_factor(theta: np.ndarray) -> np.ndarray:
     """Entries (p,) of C for theta (p,): a physical inertia's own, otherwise those of one near to it."""
-    moment = second_moment(tensor(theta))
+    moment = second_moment(inertia_tensors(theta))
     values, vectors = np.linalg.eigh(moment)
     least = _SPREAD_MIN * np.abs(values).sum()
     if values[0] < least:
