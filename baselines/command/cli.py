@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 import tyro
 
+from baselines.command.provenance import checkout
 from satid_gym.files import DamagedFileError
 
 INTERRUPTED = 128 + signal.SIGINT  # what a shell reports
@@ -63,6 +64,7 @@ def exit_code(main: Main) -> int:
         130 after Ctrl-C; 2 for mistakes of the user (see `user_errors`), damaged files, and files or folders that
         cannot be read or written.
     """
+    checkout()  # before the work: a commit meanwhile is not of the code that runs
     try:
         with user_errors():
             settings = settings_of(main, sys.argv[1:])
@@ -77,7 +79,7 @@ def exit_code(main: Main) -> int:
         print(f"error: {error}", file=sys.stderr)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"error: {where}{error.strerror or error}; {UNCHANGED}", file=sys.stderr)
+        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
     return 2
 
 
@@ -98,7 +100,13 @@ def settings_of(main: Main, arguments: Sequence[str]) -> list[Any]:
     kind = typing.get_type_hints(main)[parameters[0]]
     if hasattr(kind, "parse"):
         return [kind.parse(arguments)]
-    settings = tyro.cli(kind, args=arguments, description=sys.modules[main.__module__].__doc__)
+    settings = tyro.cli(kind, prog=program(), args=arguments, description=sys.modules[main.__module__].__doc__)
     if hasattr(settings, "check"):
         settings.check()
     return [settings]
+
+
+def program() -> str | None:
+    """The command as it was called, `python -m MODULE`, for its help; None where it was not called so."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return None if spec is None else f"python -m {spec.name.removesuffix('.__main__')}"

@@ -29,7 +29,11 @@ RayAddress = Annotated[str | None, tyro.conf.arg(name="ray", metavar="ADDRESS")]
 
 RETRIES = 5  # of a task whose worker is lost
 _ROOT = Path(__file__).parents[2]
-_PACKAGES = ("satid_gym", "baselines", "agents")
+_SOURCES = {  # by package; baselines.scenarios.tune writes a .json while its tasks run
+    "satid_gym": (".py", ".json", ".safetensors"),
+    "baselines": (".py",),
+    "agents": (".py",),
+}
 
 
 @contextmanager
@@ -126,12 +130,12 @@ class RayExecutor(Executor):
                 return future
 
         def finish(done: Future[bytes]) -> None:
-            if error := done.exception():
+            try:
+                if file is not None:
+                    write_bytes(file, done.result())
+                future.set_result(pickle.loads(done.result()))
+            except BaseException as error:  # of the task, a full disk, a result that cannot be read: `result` raises it
                 future.set_exception(error)
-                return
-            if file is not None:
-                write_bytes(file, done.result())
-            future.set_result(pickle.loads(done.result()))
 
         future.set_running_or_notify_cancel()
         self._task.remote(call, sources()).future().add_done_callback(finish)
@@ -167,11 +171,15 @@ def cache() -> Path:
 
 @functools.cache
 def sources() -> str:
-    """Digest of the sources that this process runs, by which machines tell whether they have the same."""
+    """Digest of the sources that this process runs, by which machines tell whether they have the same.
+
+    Settings and weights that the environment's package holds are part of it: tasks fly with them.
+    """
     digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((_ROOT / package).rglob("*.py")):
-            digest.update(path.read_bytes())
+    for package, endings in _SOURCES.items():
+        for path in sorted((_ROOT / package).rglob("*")):
+            if path.suffix in endings:
+                digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

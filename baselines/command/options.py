@@ -14,4 +14,4 @@ ScenarioText = Annotated[str, tyro.conf.arg(metavar=f"{{{_NAMES}|FILE|MODULE:NAM
 """Scenario by name, by file or by module:name."""
 
 ScenarioName = Annotated[str, tyro.conf.arg(metavar=f"{{{_NAMES}|NAME}}")]
-"""Scenario by name alone, also by that of one's own."""
+"""Scenario by name alone, also by that of a custom one."""

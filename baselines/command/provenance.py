@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib.metadata
 import platform
 import shlex
@@ -61,19 +62,26 @@ def portable(argument: str) -> str:
 
 def revision(output: Path | None = None) -> str:
     """Git revision of the checkout, with "-dirty" where files but an `output` differ; "unknown" outside of one."""
-    paths = [":/"]
-    if output is not None and output.resolve().is_relative_to(_ROOT):
-        paths.append(f":(exclude){output.resolve()}")
+    found, changed = checkout()
+    own = set() if output is None else {output.resolve()}
+    return f"{found}-dirty" if changed - own else found
+
+
+@functools.cache
+def checkout() -> tuple[str, frozenset[Path]]:
+    """Git revision, and the files that differ from it, when this was first asked for: of the code that was imported."""
     try:
         found = _git("describe", "--always", "--abbrev=12", "--exclude=*").strip()
-        return f"{found}-dirty" if _git("diff", "--name-only", "HEAD", "--", *paths) else found
+        changed = _git("diff", "--name-only", "--no-relative", "-z", "HEAD").split("\0")
+        top = Path(_git("rev-parse", "--show-toplevel").rstrip("\n"))
     except (OSError, subprocess.CalledProcessError):
-        return "unknown"
+        return "unknown", frozenset()
+    return found, frozenset((top / name).resolve() for name in changed if name)
 
 
 def _git(*arguments: str) -> str:
     command = ["git", *arguments]
-    return subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=True).stdout  # noqa: S603
+    return subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=True).stdout
 
 
 def versions(packages: Iterable[str] = _PACKAGES) -> dict[str, str]:

@@ -1,8 +1,7 @@
-"""Comparison in a scenario: `python -m baselines.scenarios.compare --policy stargazer`.
+"""Comparison in pairs: `python -m baselines.scenarios.compare --policies lookahead stargazer`.
 
-Flies a learned policy and its rivals on the same test seeds, by body rates, in cells of satellites and inertia modes.
-Each rival has for each satellite the settings that tuning seeds and random inertia laws give inside all limits, as in
-the gate. Of the paper's eight profiles, and of square waves of rate, the best one on these seeds flies, as `waveform`.
+Flies policies and rivals on the same test seeds, by body rates, in cells of one scenario. Rivals, and policies that are
+rivals of the scenario, have the settings that `baselines.scenarios.tune` found for each satellite.
 
 What is compared is the error that the filter expects, its mean over the flight, and the one that is found at its end,
 both in units of the rotors' mean inertia. One policy is lower than another where the paired 95 % interval of the
@@ -11,7 +10,7 @@ difference is below zero.
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,24 +18,21 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from baselines.command import cli
+from baselines.command import cells, cli
 from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell, Flown, flown
-from baselines.scenarios.rivals import Trial, choose, rivals
-from satid_gym.config import check_integer, check_names, check_number
+from baselines.scenarios.rivals import Trial, rivals
+from baselines.scenarios.tune import JUDGED, tuned_rival
+from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import FIRST_SEED, Split, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.gym_api import COSTS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import bootstrap
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import find
-from satid_gym.profiles import PROFILES
-from satid_gym.satellite import SATELLITES
-from satid_gym.scenario_catalogue import SCENARIOS
+from satid_gym.policies.custom import digest
+from satid_gym.policies.shipped import find_any
+from satid_gym.satellite import BENCHMARK_SATELLITES
 
-WAVEFORM = "waveform"
-WAVEFORMS = (*PROFILES, "rate_square")
 MEASURES = ("expected", "error")
 Row = dict[str, Any]  # a policy in a cell: its settings, and a list of episodes of each score
 
@@ -45,60 +41,72 @@ Row = dict[str, Any]  # a policy in a cell: its settings, and a list of episodes
 class Comparison:
     """Settings of the comparison."""
 
-    policy: str
-    """Learned policy: name of a shipped one, path of a policy's files or of a run, or NAME=PATH."""
+    policies: tuple[str, ...]
+    """Policies to judge: rivals of the scenario and shipped ones by name, paths of a policy's files or of a run,
+    module:name (runs the module's code), or NAME= before either of the two."""
+    rivals: tuple[str, ...] = ()
+    """Rivals to fly next to them; all of the scenario where none is named."""
     scenario: str = "calibration"
     """Scenario to fly in."""
-    satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
+    satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to fly."""
     inertias: tuple[str, ...] = INERTIA_MODES
     """Inertia modes to fly."""
-    rivals: tuple[str, ...] = (WAVEFORM, "swing_and_stop", "mpc")
-    """What flies next to it: `waveform`, or policies of the gate by name."""
-    cost: float = 0.01
-    """Largest cost of each kind, as a share of the time."""
-    tuned: int = 8
-    """Episodes that judge a setting, tuning seeds."""
     episodes: int = 32
     """Episodes of each cell."""
     split: Split = "test"
     """Seeds of these: test, or validation to choose by."""
-    output: Path = Path("results/scenario.json")
-    """File to write."""
+    again: bool = False
+    """Fly again what the file has."""
+    output: Path | None = None
+    """File to write, by default results/pairs_SCENARIO.json; what it holds of the same comparison is not flown
+    again."""
 
     def check(self) -> None:
         """Check the settings before any work.
 
         Raises:
-            ValueError: a name is unknown, or a number is out of range.
+            ValueError: a name is unknown or taken, a number is out of range, or a rival is not tuned.
         """
-        check_names("scenario", [self.scenario], SCENARIOS)
-        check_names("satellite", self.satellites, SATELLITES)
+        check_names("scenario", [self.scenario], JUDGED)
+        check_names("satellite", self.satellites, BENCHMARK_SATELLITES)
         check_names("inertia mode", self.inertias, INERTIA_MODES)
-        check_names("rival", self.rivals, (WAVEFORM, *rivals(self.scenario)))
+        check_names("rival", self.rivals, rivals(self.scenario))
         check_names("split of seeds", [self.split], FIRST_SEED)
-        check_number("cost", self.cost, high=1.0)
-        check_integer("tuned", self.tuned)
-        check_integer("episodes", self.episodes)
-        if self.learned().name in self.rivals:
-            raise ValueError(f"a rival has the name {self.learned().name!r}: give the policy another, NAME=PATH")
+        check_integer("episodes", self.episodes, low=2)
+        for satellite in self.satellites:
+            self.entrants(satellite)
 
-    def learned(self) -> LearnedPolicy:
-        """The policy."""
-        return find(self.policy)
+    @property
+    def file(self) -> Path:
+        """File to write."""
+        return self.output or Path(f"results/pairs_{self.scenario}.json")
 
-    def chosen(self, satellite: str) -> dict[str, Trial]:
-        """Each rival with its settings for a satellite."""
-        cell = Cell(scenario=self.scenario, satellite=satellite, inertia="random")
-        return {name: choose(cell, trials(self.scenario, name), self.cost, self.tuned) for name in self.rivals}
+    def judged(self) -> list[str]:
+        """Names of the policies to judge."""
+        known = rivals(self.scenario)
+        return [text if text in known else find_any(text).name for text in self.policies]
 
+    def identities(self) -> dict[str, str]:
+        """What decides the flights of policies that are no rivals, `digest` by name; rows have the rivals' settings."""
+        own = [find_any(text) for text in self.policies if text not in rivals(self.scenario)]
+        return {policy.name: digest(policy) for policy in own}
 
-def trials(scenario: str, rival: str) -> list[Trial]:
-    """Settings to try of a rival; those of waveforms say which one."""
-    known = rivals(scenario)
-    if rival != WAVEFORM:
-        return known[rival]
-    return [({"kind": name, **given}, policy) for name in WAVEFORMS for given, policy in known[name]]  # type: ignore[dict-item]
+    def entrants(self, satellite: str) -> dict[str, Trial]:
+        """Settings and policy of all that fly a satellite, by name.
+
+        Raises:
+            ValueError: two have the same name, one is unknown, or a rival is not tuned.
+        """
+        known, found = rivals(self.scenario), {}
+        texts = dict.fromkeys((*self.policies, *(self.rivals or known)))
+        for text in texts:
+            settings, policy = tuned_rival(self.scenario, satellite, text) if text in known else ({}, find_any(text))
+            name = text if text in known else policy.name
+            if name in found or (name != text and name in texts):
+                raise ValueError(f"two policies have the name {name!r}: give one another, NAME={text}")
+            found[name] = settings, policy
+        return found
 
 
 def row_of(cell: Cell, name: str, settings: dict[str, Any], flight: Flown) -> Row:
@@ -107,7 +115,7 @@ def row_of(cell: Cell, name: str, settings: dict[str, Any], flight: Flown) -> Ro
         "satellite": cell.satellite,
         "inertia": cell.inertia,
         "policy": name,
-        "settings": settings,
+        "settings": dict(settings),
         "costs": dict(zip(COSTS, flight.costs.mean(axis=0).tolist(), strict=True)),
         "terminated": int(flight.terminated.sum()),
         **{score: [float(f"{v:.5g}") for v in getattr(flight, score)] for score in (*MEASURES, "nees")},
@@ -127,47 +135,54 @@ def against(own: Row, other: Row) -> dict[str, Any]:
     return found
 
 
-def summary(rows: list[Row], first: str) -> list[dict[str, Any]]:
-    """One entry a cell and policy: means, and the first policy over it."""
-    found = []
-    for row in rows:
-        (own,) = [r for r in rows if r["policy"] == first and all(r[k] == row[k] for k in ("satellite", "inertia"))]
-        entry = {name: row[name] for name in ("satellite", "inertia", "policy", "settings", "terminated")}
-        entry |= {score: float(np.mean(row[score])) for score in (*MEASURES, "nees")}
-        found.append({**entry, "largest_cost": max(row["costs"].values()), "first_over_it": against(own, row)})
-    return found
+def by_cell(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
+    """The rows of each cell, by policy."""
+    for cell in dict.fromkeys((row["satellite"], row["inertia"]) for row in rows):
+        yield {row["policy"]: row for row in rows if (row["satellite"], row["inertia"]) == cell}
 
 
-def show(entries: list[dict[str, Any]], first: str) -> None:
-    """Print a line for each cell and policy."""
-    print(f"{'':38s} expected, %  error at the end, %  NEES  largest cost, %  {first} over it: expected, error")
-    for e in entries:
-        over = "  ".join(
-            f"{e['first_over_it'][m]['ratio']:.3f} {['level', 'higher', 'lower'][e['first_over_it'][m]['clear']]}"
-            for m in MEASURES
-        )
-        print(
-            f"{e['satellite']:10s}{e['inertia']:10s}{e['policy']:18s} {100 * e['expected']:11.4f} "
-            f"{100 * e['error']:20.4f} {e['nees']:5.2f} {100 * e['largest_cost']:16.2f}  {over}"
-        )
+def show(rows: Sequence[Row], judged: Sequence[str]) -> None:
+    """Print a line for each cell and policy: its scores, and the judged policies over it."""
+    over = "".join(f"  {name + ' over it':>26s}" for name in judged)
+    print(f"{'':38s} expected, %  error at the end, %  NEES  largest cost, %{over}")
+    for cell in by_cell(rows):
+        for row in cell.values():
+            means = [100.0 * np.mean(row["expected"]), 100.0 * np.mean(row["error"]), np.mean(row["nees"])]
+            print(
+                "{satellite:10s}{inertia:10s}{policy:18s}".format(**row)
+                + "{:12.4f} {:20.4f} {:5.2f}".format(*means)
+                + f" {100 * max(row['costs'].values()):16.2f}"
+                + "".join(f"  {_words(against(cell[name], row)) if name in cell else '':>26s}" for name in judged)
+            )
 
 
-@cli.on_interrupt("what was flown is in the file")
+def _words(over: dict[str, Any]) -> str:
+    said = (f"{over[m]['ratio']:.3f} {['level', 'higher', 'lower'][over[m]['clear']]}" for m in MEASURES)
+    return ", ".join(said)
+
+
+@cli.on_interrupt(cells.GOES_ON)
 def main(settings: Comparison) -> int:
-    """Fly and print; the file is written after every cell. The exit code."""
-    check_writable(settings.output.parent)
-    policy = settings.learned()
-    flown_seeds = seeds(settings.split, settings.episodes)
-    given = dataclasses.asdict(settings)
-    head = result_head("baselines.scenarios.compare", given, split=settings.split, seeds=flown_seeds)
-    rows: list[Row] = []
-    for satellite in settings.satellites:
-        flies = {policy.name: ({}, policy), **settings.chosen(satellite)}
-        for inertia in tqdm(settings.inertias, desc=satellite, unit="cell"):
-            cell = Cell(scenario=settings.scenario, satellite=satellite, inertia=inertia)
-            rows += [row_of(cell, name, used, flown(cell, p, flown_seeds)) for name, (used, p) in flies.items()]
-            write_json(settings.output, {**head, "summary": summary(rows, policy.name), "rows": rows})
-    show(summary(rows, policy.name), policy.name)
+    """Fly and print; the file is written after every policy. The exit code."""
+    file, chosen = settings.file, seeds(settings.split, settings.episodes)
+    check_writable(file.parent)
+    used = {**vars(settings), "identities": settings.identities()}
+    head = result_head("baselines.scenarios.compare", used, split=settings.split, seeds=chosen, output=file)
+    with cli.user_errors():
+        rows = cells.kept(file, head, "rows", again=settings.again)
+    have = {(row["satellite"], row["inertia"], row["policy"]) for row in rows}
+    todo = [
+        (Cell(scenario=settings.scenario, satellite=satellite, inertia=inertia), name, *trial)
+        for satellite in settings.satellites
+        for inertia in settings.inertias
+        for name, trial in settings.entrants(satellite).items()
+        if (satellite, inertia, name) not in have
+    ]
+    for cell, name, used, policy in (bar := tqdm(todo, desc=settings.scenario, unit="flight")):
+        bar.set_postfix_str(f"{cell.satellite} {cell.inertia} {name}")
+        rows.append(row_of(cell, name, dict(used), flown(cell, policy, chosen)))
+        write_json(file, {**head, "rows": rows})
+    show(rows, settings.judged())
     return 0
 
 

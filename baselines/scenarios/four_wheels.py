@@ -3,7 +3,7 @@
 A pyramid of four wheels with encoders and friction avoids a band about zero speed. Nothing, square waves of rate, the
 paper's signals and `clear_square` fly by body rates, with the rate loop's null motion, which keeps wheels out of the
 band, and without it. It is printed what the best of each kind expects with at most a share of the time in the band, and
-what the best of all expects that heeds no limit.
+what the best of all expects without any limit.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from baselines.command import cli
 from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.rivals import Quieter
+from baselines.studies.worlds import on_pyramid
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import seeds
 from satid_gym.faults import Faults
@@ -33,14 +34,11 @@ from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policy import Policy
 from satid_gym.profiles import PROFILES
-from satid_gym.reaction_wheels import ReactionWheels
-from satid_gym.satellite import SATELLITES, Satellite
+from satid_gym.satellite import SATELLITES
 from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.vector import SatInertiaIDVectorEnv
 
-PYRAMID = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / np.sqrt(3.0)
-"""Axes (3, 4) of four wheels along the diagonals of a cube."""
 AMPLITUDES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.95)  # of the rate limit, of square waves
 _COARSE = (0.05, 0.2, 0.5, 0.95)  # likewise, of the paper's signals
 _PERIODS = (12.0, 24.0)  # s
@@ -112,14 +110,6 @@ class FourWheels:
         check_names("satellite", [self.satellite], SATELLITES)
         check_number("cost", self.cost, high=1.0)
         check_integer("episodes", self.episodes)
-
-
-def on_pyramid(satellite: Satellite, avoided_speed: tuple[float, float] = (0.0, 0.0)) -> Satellite:
-    """The satellite with four wheels like its first along the diagonals of a cube."""
-    sheet: dict[str, Any] = {
-        name: getattr(satellite.wheels, name)[0] for name in ("inertia", "max_torque", "max_speed")
-    }
-    return satellite.replace(wheels=ReactionWheels(axes=PYRAMID, avoided_speed=avoided_speed, **sheet))
 
 
 def cell_of(satellite: str, wheels: Wheels) -> Cell:

@@ -6,7 +6,7 @@ Flies, by body rates, from nothing to an oracle:
 - the paper's eight profiles, and square waves of rate, each with its best settings inside all limits;
 - the closed loop made for the scenario, `shaped_square`, `swing_and_stop` or `swing_between`, with its best settings
   inside all limits;
-- planners: `filter_mpc` and `lookahead_tour` with the whole model, and where there is a star tracker `greedy` and
+- planners: `filter_mpc` and `lookahead` with the whole model, and where there is a star tracker `greedy` and
   `mpc`, which know none;
 - learned policies that are named, as they are;
 - an oracle that is told the true modes, or the sky, and searches the plan of each episode by the cross-entropy method.
@@ -46,9 +46,8 @@ from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.gym_api import COSTS
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import find
-from satid_gym.policy import observation_settings, only_mission
+from satid_gym.policies.shipped import find_any
+from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import SATELLITES
@@ -78,9 +77,10 @@ class Gate:
     rivals: tuple[str, ...] = ()
     """Rivals that fly; all where none is named."""
     policies: tuple[str, ...] = ()
-    """Learned policies that fly too: names of shipped ones, paths of a policy's files or of a run, or NAME=PATH."""
-    output: Path = Path("results/gate.json")
-    """File to write."""
+    """More policies to fly: names of shipped ones, paths of a policy's files or of a run, module:name (runs the
+    module's code), or NAME= before either of the two."""
+    output: Path | None = None
+    """File to write, by default results/gate_SCENARIO.json."""
     ray: RayAddress = None
     """Choose and search on a Ray cluster: auto, HOST:PORT, ray://HOST:PORT, or local for one of this machine."""
 
@@ -107,16 +107,21 @@ class Gate:
         if self.rivals:
             check_names("rival", self.rivals, rivals(self.scenario))
         taken = [*rivals(self.scenario), "oracle"]
-        for policy in self.learned():
+        for policy in self.others():
             if policy.name in taken:
                 raise ValueError(f"the name {policy.name!r} is taken: give the policy another, NAME=PATH")
             taken.append(policy.name)
             asked = {"control": "rate", **observation_settings(policy)}
             policy.reset(only_mission(problem(self.satellite, self.inertia, self.scenario, **asked)), [])
 
-    def learned(self) -> list[LearnedPolicy]:
-        """The learned policies that are named."""
-        return [find(policy) for policy in self.policies]
+    def others(self) -> list[Policy]:
+        """The policies that are named."""
+        return [find_any(policy) for policy in self.policies]
+
+    @property
+    def file(self) -> Path:
+        """File to write."""
+        return self.output or Path(f"results/gate_{self.scenario}.json")
 
     @property
     def cell(self) -> Cell:
@@ -203,10 +208,10 @@ def main_rows(gate: Gate) -> list[dict[str, Any]]:
     calls = [(gate.cell, name, gate.cost, gate.tuned, gate.episodes) for name in gate.rivals or rivals(gate.scenario)]
     entries: list[Entry] = list(each(entry_of, calls, gate.ray, desc=gate.scenario, unit="policy"))
     oracle = None
-    for learned in gate.learned():
-        timed = TimedPolicy(learned)
+    for policy in gate.others():
+        timed = TimedPolicy(policy)
         flight = flown(gate.cell, timed, seeds("validation", gate.episodes))
-        entries.append((learned.name, {}, flight, timed.decision_ms))
+        entries.append((policy.name, {}, flight, timed.decision_ms))
     if gate.oracle:
         oracle = search(gate.cell, seeds("validation", gate.oracle), gate.cost, ray=gate.ray)
         entries.append(("oracle", {}, oracle, None))
@@ -216,12 +221,12 @@ def main_rows(gate: Gate) -> list[dict[str, Any]]:
 @cli.on_interrupt("no file is written")
 def main(gate: Gate) -> int:
     """Judge the scenario of the command line; returns the exit code."""
-    check_writable(gate.output.parent)
+    check_writable(gate.file.parent)
     rows = main_rows(gate)
     settings = {name: value for name, value in dataclasses.asdict(gate).items() if name != "ray"}
     flown_seeds = seeds("validation", gate.episodes)
     head = result_head("baselines.scenarios.gate", settings, split="validation", seeds=flown_seeds)
-    write_json(gate.output, {**head, "rows": rows})
+    write_json(gate.file, {**head, "rows": rows})
     show(rows)
     return 0
 

@@ -10,6 +10,8 @@ from satid_gym.config import check_number
 from satid_gym.control.gaps import Gaps
 from satid_gym.policy import Mission, Policy, observation_settings, show_filter
 
+_MARGIN = 3.5  # of the rates of slews, see `RateMargin`
+
 
 class InTheGaps:
     """A policy of rates that gives way to the operator when the way to the target takes what is left of the gap.
@@ -17,11 +19,10 @@ class InTheGaps:
     Args:
         policy: what flies in the gaps; it observes what it would alone.
         settle: s before the opening at which the target is to be held.
-        margin: of the rates of slews, see `RateMargin`.
     """
 
-    def __init__(self, policy: Policy, settle: float = 3.0, margin: float = 3.5) -> None:
-        self.settle, self.margin = check_number("settle", settle), check_number("margin", margin)
+    def __init__(self, policy: Policy, settle: float = 3.0) -> None:
+        self.settle = check_number("settle", settle)
         self.name, self.kind = policy.name, policy.kind
         vars(self).update(observation_settings(policy))
         self._policy = policy
@@ -32,7 +33,7 @@ class InTheGaps:
         Raises:
             ValueError: the environment takes torques, or there are no windows.
         """
-        self._gaps = Gaps([mission], self.margin, self.settle, self.name)
+        self._gaps = Gaps([mission], _MARGIN, self.settle, self.name)
         self._gaps.begin(len(seeds))
         self._policy.reset(mission, seeds)
 

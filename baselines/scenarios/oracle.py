@@ -46,7 +46,7 @@ def search(
     rounds: int | None = None,
     ray: str | None = None,
 ) -> Flown:
-    """Of each episode the best flight that the cross-entropy method has found.
+    """Best flight of each episode that the cross-entropy method found.
 
     Args:
         cell: what is flown.
@@ -87,7 +87,7 @@ def _search(cell: Cell, seeds: Sequence[int], limit: float, draws: np.ndarray) -
 
 
 def _value(flight: Flown, limit: float) -> np.ndarray:
-    """What the search lessens: the expected error, more where a cost is beyond its limit."""
+    """What the search minimises: the expected error, more where a cost is beyond its limit."""
     return flight.expected * (1.0 + _STRAY * np.maximum(flight.costs - limit, 0.0).max(axis=1))
 
 

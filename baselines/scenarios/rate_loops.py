@@ -16,8 +16,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from baselines.scenarios.four_wheels import on_pyramid
-from baselines.studies.worlds import WORLDS, World, policy_for
+from baselines.studies.worlds import PYRAMIDS, TILTED_PYRAMIDS, WORLDS, World, policy_for
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.faults import Faults
@@ -28,25 +27,18 @@ from satid_gym.problem import CONTROLS
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 
-
-def _benchmark() -> tuple[Satellite, ...]:
-    return tuple(SATELLITES[name] for name in BENCHMARK_SATELLITES)
-
-
 _FAILS = Faults(wheel_loss=1.0, wheel_loss_size=(1.0, 1.0))
 _OWN: Mapping[str, World] = {
     "full tensor": World(scenario={"tilt_std": 0.15}),
     "inertia off by 30 %": World(scenario={"inertia_std": 0.3}),
-    "pyramid of four": World(satellites=tuple(map(on_pyramid, _benchmark()))),
-    "pyramid, full tensor": World(scenario={"tilt_std": 0.15}, satellites=tuple(map(on_pyramid, _benchmark()))),
+    "pyramid of four": World(satellites=PYRAMIDS),
+    "pyramid, full tensor": TILTED_PYRAMIDS,
     "commands 1 sample late": World(scenario={"faults": Faults(torque_delay=(1, 1))}),
     "commands 3 samples late": World(scenario={"faults": Faults(torque_delay=(3, 3))}),
     "a wheel lost": World(scenario={"faults": Faults(wheel_loss=1.0)}),
-    "pyramid, a wheel lost": World(
-        scenario={"faults": Faults(wheel_loss=1.0)}, satellites=tuple(map(on_pyramid, _benchmark()))
-    ),
+    "pyramid, a wheel lost": World(scenario={"faults": Faults(wheel_loss=1.0)}, satellites=PYRAMIDS),
     "a wheel fails": World(scenario={"faults": _FAILS}),
-    "pyramid, a wheel fails": World(scenario={"faults": _FAILS}, satellites=tuple(map(on_pyramid, _benchmark()))),
+    "pyramid, a wheel fails": World(scenario={"faults": _FAILS}, satellites=PYRAMIDS),
 }
 _FLEXIBLE = (
     "panels 2 %, 0.35 Hz",
@@ -88,7 +80,7 @@ class RateLoopStudy:
     margin: float = 3.5
     """Distance of the tracked rates from their limit, in standard deviations."""
     bandwidth: float = Scenario().rate_bandwidth
-    """Of the tracking loop, rad/s."""
+    """Bandwidth of the tracking loop, rad/s."""
     inertia: str = "static"
     """Inertia mode."""
     episodes: int = 20
@@ -148,10 +140,11 @@ def show(rows: list[dict[str, Any]]) -> None:
 def main(study: RateLoopStudy) -> int:
     """Fly the study of the command line; returns the exit code."""
     check_writable(study.output.parent)
+    benchmark = [SATELLITES[name] for name in BENCHMARK_SATELLITES]
     chosen = [
         (world, satellite, control)
         for world in study.worlds
-        for satellite in EFFECTS[world].satellites or _benchmark()
+        for satellite in EFFECTS[world].satellites or benchmark
         for control in study.controls
     ]
     rows = [cell(study, *own) for own in tqdm(chosen, desc="rate loops", unit="cell")]

@@ -12,7 +12,7 @@ from baselines.scenarios.in_the_gaps import InTheGaps
 from satid_gym.evaluation import seeds
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
-from satid_gym.policies.lookahead_tour import LookaheadTourPolicy
+from satid_gym.policies.lookahead import LookaheadPolicy
 from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
@@ -72,35 +72,29 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
     rehearsed: list[Trial] = [(given, FilterMPCPolicy(**given)) for given in _rehearsals(scenario)]
     planned: dict[str, list[Trial]] = {name: [({}, build(name, {"margin": 3.5}))] for name in ("greedy", "mpc")}
     swings: list[Trial] = [(swing, SwingAndStopPolicy(**swing)) for swing in SWINGS]
+    still: dict[str, list[Trial]] = {"zero": [({}, ZeroPolicy())], "random": [({}, RandomPolicy())]}
     if SCENARIOS[scenario].operations is not None:
         between: dict[str, list[Trial]] = {**loud, "rate_square": squares, **planned, "filter_mpc": rehearsed}
         return {
-            "zero": [({}, ZeroPolicy())],
-            "random": [({}, RandomPolicy())],
+            **still,
             "operator": [({"settle": settle}, OperatorPolicy(settle)) for settle in SETTLES],
             **{name: _in_the_gaps(trials) for name, trials in between.items()},
             "swing_between": [(own, SwingBetweenPolicy(**own)) for own in BETWEEN],
-            "lookahead_tour": _lookaheads(scenario),
+            "lookahead": _lookaheads(scenario),
         }
-    return {
-        "zero": [({}, ZeroPolicy())],
-        "random": [({}, RandomPolicy())],
-        **loud,
-        "rate_square": squares,
-        **(
-            {
-                "spared_square": spared,
-                "shaped_square": shaped,
-                "corner_tour": toured,
-                "filter_mpc": rehearsed,
-                "lookahead_tour": _lookaheads(scenario),
-            }
-            if _has_limit(scenario)
-            else {}
-        ),
-        **({"swing_and_stop": swings, **planned, "filter_mpc": rehearsed} if _has_tracker(scenario) else {}),
-        **({} if _has_limit(scenario) or _has_tracker(scenario) else planned),
-    }
+    plain = {**still, **loud, "rate_square": squares}
+    if _has_limit(scenario):
+        shapes = {"spared_square": spared, "shaped_square": shaped, "corner_tour": toured}
+        return {**plain, **shapes, "filter_mpc": rehearsed, "lookahead": _lookaheads(scenario)}
+    if _has_tracker(scenario):
+        return {
+            **plain,
+            "swing_and_stop": swings,
+            **planned,
+            "filter_mpc": rehearsed,
+            "lookahead": _lookaheads(scenario),
+        }
+    return {**plain, **planned}
 
 
 def _in_the_gaps(trials: Sequence[Trial]) -> list[Trial]:
@@ -119,16 +113,21 @@ def _rehearsals(scenario: str) -> list[dict[str, Any]]:
 
 
 def _lookaheads(scenario: str) -> list[Trial]:
-    """Settings of `lookahead_tour` to try, with a tour that fits the scenario."""
+    """Settings of `lookahead` to try, with a learned policy that fits the scenario."""
     if SCENARIOS[scenario].operations is not None:
-        given: list[dict[str, Any]] = [{"tour": "window_tour", "horizon": 20, "settle": settle} for settle in SETTLES]
+        given: list[dict[str, Any]] = [{"policy": "window_tour", "horizon": 20, "settle": settle} for settle in SETTLES]
+    elif _has_tracker(scenario):
+        given = [
+            {"policy": "stargazer", "horizon": 60, "edits": edits, "step": step}
+            for edits, step in ((48, 1.0), (24, 0.5))
+        ]
     else:
         given = [
-            {"tour": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
+            {"policy": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
             for edits in (0, 24)
             for caution in (0.0, 1.0, 2.0)
         ]
-    return [(own, LookaheadTourPolicy(**own)) for own in given]
+    return [(own, LookaheadPolicy(**own)) for own in given]
 
 
 def _has_limit(scenario: str) -> bool:
@@ -142,7 +141,7 @@ def _has_tracker(scenario: str) -> bool:
 
 
 class Quieter:
-    """A policy whose actions are taken by a factor; it observes what that policy does."""
+    """A policy whose actions are multiplied by a factor; it takes the same observations."""
 
     def __init__(self, policy: Policy, factor: float) -> None:
         self.name, self.kind = policy.name, policy.kind

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +17,14 @@ from typing import Any
 
 from tqdm import tqdm
 
-from baselines.command import cli
+from baselines.command import cells, cli
 from baselines.command.cluster import RayAddress, executor
 from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell
 from baselines.scenarios.rivals import Trial, choose, rivals
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.files import check_writable, read_json, write_json
+from satid_gym.policies.open_loop_optimal import NotPreparedError
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS
 
@@ -48,7 +49,7 @@ class Tuning:
     episodes: int = 8
     """Episodes that judge a setting."""
     again: bool = False
-    """Tune those too that the file has."""
+    """Tune again what the file has."""
     output: Path = TUNED
     """File to go on with."""
     ray: RayAddress = None
@@ -74,7 +75,7 @@ def best(scenario: str, satellite: str, name: str, cost: float, episodes: int) -
     cell = Cell(scenario=scenario, satellite=satellite, inertia="random")
     settings, _ = choose(cell, trials, cost, episodes, num_threads=1)  # rivals fly side by side
     found = {"scenario": scenario, "satellite": satellite, "policy": name, "settings": settings}
-    return {**found, "tried": len(trials), "episodes": episodes}
+    return {**found, "tried": len(trials), "cost": cost, "episodes": episodes}
 
 
 def stored(file: Path) -> list[Entry]:
@@ -98,7 +99,7 @@ def tuned(scenario: str, satellite: str, file: Path = TUNED) -> dict[str, Trial]
     """All rivals by name, with the settings of a file, or with the only ones that are tried.
 
     Raises:
-        ValueError: the file has none for one of them, or those of an older grid.
+        NotPreparedError: the file has none for one of them, or those of an older grid.
         DamagedFileError: it holds no settings.
     """
     return {name: tuned_rival(scenario, satellite, name, file) for name in rivals(scenario)}
@@ -112,11 +113,13 @@ def tuned_rival(scenario: str, satellite: str, name: str, file: Path = TUNED) ->
     settings = _settings(file).get((scenario, satellite, name))
     command = f"python -m baselines.scenarios.tune --scenarios {scenario} --satellites {satellite} --policies {name}"
     if settings is None:
-        raise ValueError(f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}: run {command}")
+        raise NotPreparedError(
+            f"{name} is not tuned for satellite {satellite!r} in scenario {scenario!r}: run {command}"
+        )
     for own, policy in trials:
         if own == settings:
             return own, policy
-    raise ValueError(
+    raise NotPreparedError(
         f"{name} is not tried with {dict(settings)} in scenario {scenario!r} any longer: run {command} --again"
     )
 
@@ -125,27 +128,39 @@ def _key(entry: Mapping[str, Any]) -> tuple[str, str, str]:
     return entry["scenario"], entry["satellite"], entry["policy"]
 
 
-def lacking(tuning: Tuning, known: Sequence[Entry]) -> list[tuple[str, str, str]]:
-    """Scenario, satellite and rival of what is to be tuned: of what has more than one setting to try."""
-    have = set() if tuning.again else {_key(entry) for entry in known}
-    return [
+def lacking(tuning: Tuning, known: Mapping[tuple[str, str, str], Entry]) -> list[tuple[str, str, str]]:
+    """Scenario, satellite and rival of what is to be tuned: of what has more than one setting to try.
+
+    Raises:
+        ValueError: a known entry was found with another cost or number of episodes.
+    """
+    asked = [
         (scenario, satellite, name)
         for scenario, satellite in itertools.product(tuning.scenarios, tuning.satellites)
         for name, trials in rivals(scenario).items()
-        if len(trials) > 1 and name in (tuning.policies or [name]) and (scenario, satellite, name) not in have
+        if len(trials) > 1 and name in (tuning.policies or [name])
     ]
+    if tuning.again:
+        return asked
+    for place in asked:
+        if place in known:
+            entry = {"cost": Tuning.cost, **known[place]}  # older entries are all of this cost
+            what = f"{' '.join(place)} of {tuning.output}"
+            cells.check_same(what, entry, {"cost": tuning.cost, "episodes": tuning.episodes})
+    return [place for place in asked if place not in known]
 
 
-@cli.on_interrupt("what was tuned is in the file; the same command goes on")
+@cli.on_interrupt("what was tuned is in the file; a command without --again goes on with what it lacks")
 def main(tuning: Tuning) -> int:
     """Tune what the command line asks for; the exit code."""
     check_writable(tuning.output.parent)
     entries = {_key(entry): entry for entry in stored(tuning.output)}
-    todo = lacking(tuning, list(entries.values()))
-    head = result_head("baselines.scenarios.tune")
+    with cli.user_errors():
+        todo = lacking(tuning, entries)
+    head = result_head("baselines.scenarios.tune", output=tuning.output)
     with executor(tuning.ray) as pool, tqdm(total=len(todo), desc="tuning", unit="rival") as bar:
         for done in as_completed([pool.submit(best, *place, tuning.cost, tuning.episodes) for place in todo]):
-            entry = {**done.result(), "revision": head["revision"]}  # of before the file was written
+            entry = {**done.result(), "revision": head["revision"]}
             entries[_key(entry)] = entry
             bar.set_postfix_str(" ".join(_key(entry)), refresh=False)
             bar.update()

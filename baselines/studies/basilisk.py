@@ -1,7 +1,7 @@
 """Flights on Basilisk's truth next to the environment's own: `python -m baselines.studies.basilisk`.
 
 Flies shipped policies and baselines on both truths, in the same episodes with the same noise, and prints final error,
-NEES and share of the time outside the rate limits of each. Cells that were flown are kept in the output file: stopped,
+NEES and share of the time outside the rate limits of each. Each cell is in the file as soon as it is flown: stopped,
 the same command goes on. It needs `pip install ".[basilisk]"`.
 """
 
@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from baselines.command import cli
+from baselines.command import cells, cli
 from baselines.command.provenance import result_head
-from baselines.scenarios.rate_loops import EFFECTS
-from baselines.studies.worlds import WORLDS, World, policy_for
+from baselines.studies.worlds import TILTED_PYRAMIDS, WORLDS, World, policy_for
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
-from satid_gym.files import check_writable, read_json, write_json
+from satid_gym.files import check_writable, write_json
 from satid_gym.policies import find, make_baseline, names
 from satid_gym.policies.shipped import rate_names
 from satid_gym.policy import Policy, observation_settings, only_mission
@@ -52,7 +51,7 @@ class Row:
 
 ROWS: Mapping[str, Row] = {
     "rigid": Row(world=WORLDS["as nominal"]),
-    "four skewed wheels, full tensor": Row(world=EFFECTS["pyramid, full tensor"]),
+    "four skewed wheels, full tensor": Row(world=TILTED_PYRAMIDS),
     "friction 10 of 100 mN m": Row(world=WORLDS["friction 10 of 100 mN m"], step=0.005),
     "imbalance of the wheels": Row(world=WORLDS["as nominal"], step=0.001, imbalance=True),
     "panels 2 %, 0.35 Hz": Row(world=WORLDS["panels 2 %, 0.35 Hz"]),
@@ -77,9 +76,11 @@ class BasiliskStudy:
     episodes: int = 20
     """Episodes of a cell, validation seeds."""
     step: float | None = None
-    """Of Basilisk in every row, s; None: the row's own."""
+    """Basilisk's integration step for every row, s; None: the row's own."""
+    again: bool = False
+    """Fly again what the file has."""
     output: Path = Path("results/basilisk.json")
-    """File to write."""
+    """File to write; what it holds of the same study is not flown again."""
 
     def check(self) -> None:
         """Check the settings before any work.
@@ -151,21 +152,11 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
     return {**found, "flights_apart": {"median": float(np.median(apart)), "largest": float(apart.max())}}
 
 
-def kept(study: BasiliskStudy, head: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Cells of an earlier run of the same revision, number of episodes and step."""
-    if not study.output.exists():
-        return []
-    earlier = read_json(study.output, "remove it", keys=("cells", "revision", "settings"))
-    same = earlier["revision"] == head["revision"]
-    same = same and all(earlier["settings"][name] == getattr(study, name) for name in ("episodes", "step"))
-    return earlier["cells"] if same else []
-
-
-def show(cells: list[dict[str, Any]]) -> None:
+def show(rows: list[dict[str, Any]]) -> None:
     """Print one line for each row and policy: final error, NEES and time outside on both truths."""
     heads = "".join(f"{name:>24s}" for name in ("final error, %", "NEES", "outside, %"))
     print(f"{'row':32s} {'policy':14s}{heads}   on Basilisk / on the environment's own truth")
-    for one in cells:
+    for one in rows:
         line = f"{one['row']:32s} {one['policy']:14s}"
         if one["own"] is None:
             print(line + "    does not take these observations")
@@ -180,23 +171,23 @@ def show(cells: list[dict[str, Any]]) -> None:
         print(line)
 
 
-@cli.on_interrupt("the cells flown so far are in the output file; the same command goes on")
+@cli.on_interrupt(cells.GOES_ON)
 def main(study: BasiliskStudy) -> int:
     """Fly the study of the command line; returns the exit code."""
     check_writable(study.output.parent)
     used = seeds("validation", study.episodes)
+    packages = ("satid-gym", "numpy", "bsk")
     head = result_head(
-        "baselines.studies.basilisk", study, split="validation", seeds=used, packages=("satid-gym", "numpy", "bsk")
+        "baselines.studies.basilisk", study, split="validation", seeds=used, packages=packages, output=study.output
     )
+    with cli.user_errors():
+        old = cells.kept(study.output, head, "cells", again=study.again)
     wanted = [(row, name) for row in study.rows for name in study.policies]
-    done = {(one["row"], one["policy"]): one for one in kept(study, head)}
-    bar = tqdm(total=len(wanted), initial=len(done.keys() & set(wanted)), desc="basilisk", unit="cell")
-    for own in wanted:
-        if own not in done:
-            done[own] = cell(study, *own)
-            write_json(study.output, {**head, "cells": list(done.values())})
-            bar.update()
-    bar.close()
+    done = {(one["row"], one["policy"]): one for one in old}
+    missing = [own for own in wanted if own not in done]
+    for own in tqdm(missing, desc="basilisk", unit="cell", initial=len(done), total=len(wanted)):
+        done[own] = cell(study, *own)
+        write_json(study.output, {**head, "cells": list(done.values())})
     show([done[own] for own in wanted])
     return 0
 

@@ -5,8 +5,7 @@ of sampling, size and horizon, and prints final error and NEES: the mean normali
 of freedom, over episodes and time, of which a consistent filter has about 1. With --no-calibrate the same flights are
 estimated as if everything were nominal.
 
-Each cell is in the file as soon as it is flown: stopped, the same command of the same revision goes on, where no file
-but that one differs from the revision.
+Each cell is in the file as soon as it is flown: stopped, the same command of the same revision goes on.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from baselines.command import cli
+from baselines.command import cells, cli
 from baselines.command.provenance import result_head
 from baselines.studies.worlds import WORLDS, policy_for
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import FIRST_SEED, Split, fly, seeds
-from satid_gym.files import check_writable, read_json, write_json
+from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
 from satid_gym.policies.registry import BASELINES
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 
-_SAME = ("episodes", "split", "tilt", "estimator", "calibrate", "flexible", "announced", "rate_coordinates")
+_LISTS = ("policies", "worlds", "satellites", "inertias")
 
 Place = tuple[str, str, str, str]  # world, policy, satellite, inertia mode
 
@@ -63,9 +62,11 @@ class ConsistencyStudy:
     split: Split = "validation"
     """Seeds: validation, or test for a last look at what was chosen by validation."""
     merge: bool = False
-    """Whether the file's other cells stay in it."""
+    """Whether cells of other worlds, policies, satellites, modes and revisions stay in the file."""
+    again: bool = False
+    """Fly again what the file has."""
     output: Path = Path("results/consistency.json")
-    """File to write."""
+    """File to write; what it holds of the same study is not flown again."""
 
     def check(self) -> None:
         """Check the settings before any work.
@@ -121,27 +122,6 @@ def cell(study: ConsistencyStudy, world: str, policy: str, satellite: Satellite,
     }
 
 
-def earlier(study: ConsistencyStudy) -> dict[Place, dict[str, Any]]:
-    """Cells that the study's file has already, each with the revision that flew it.
-
-    Raises:
-        ValueError: `merge`, and the file is missing, damaged or of a study with other settings.
-    """
-    remedy = "give another --output"
-    try:
-        old = read_json(study.output, remedy, keys=("revision", "settings", "cells"))
-        for name in _SAME:
-            own = getattr(study, name)
-            if old["settings"].get(name, own) != own:
-                raise ValueError(f"{study.output} was flown with {name} = {old['settings'][name]}: {remedy}")
-    except ValueError:
-        if study.merge:
-            raise
-        return {}
-    cells = ({"revision": old["revision"], **own} for own in old["cells"])
-    return {(own["world"], own["policy"], own["satellite"], own["inertia"]): own for own in cells}
-
-
 def show(rows: list[dict[str, Any]]) -> None:
     """Print one line for each world and policy: over satellites and inertia modes, range of error and of NEES."""
     print(f"{'world':24s} {'policy':14s} {'final error, %':>20s} {'NEES':>16s}")
@@ -152,7 +132,7 @@ def show(rows: list[dict[str, Any]]) -> None:
         print(f"{world:24s} {policy:14s} {spread:>20s} {f'{min(nees):.2f} to {max(nees):.2f}':>16s}")
 
 
-@cli.on_interrupt("the cells flown so far are in the output file; with the code as committed the same command goes on")
+@cli.on_interrupt(cells.GOES_ON)
 def main(study: ConsistencyStudy) -> int:
     """Fly the study of the command line; returns the exit code."""
     check_writable(study.output.parent)
@@ -166,18 +146,17 @@ def main(study: ConsistencyStudy) -> int:
     used = seeds(study.split, study.episodes)
     head = result_head("baselines.studies.consistency", study, split=study.split, seeds=used, output=study.output)
     with cli.user_errors():
-        old, now = earlier(study), head["revision"]
-    lasting = now != "unknown" and not now.endswith("-dirty")
-    done = {place for place, own in old.items() if lasting and own["revision"] == now}
-    cells = {place: own for place, own in old.items() if study.merge or (place in done and place in chosen)}
-    missing = [place for place in chosen if place not in done]
+        old = cells.kept(study.output, head, "cells", again=study.again, mixed=_LISTS if study.merge else ())
+    now, lasting = head["revision"], cells.is_clean(head["revision"]) and not study.again
+    rows = {(own["world"], own["policy"], own["satellite"], own["inertia"]): own for own in old}
+    missing = [place for place in chosen if not (lasting and rows.get(place, {}).get("revision") == now)]
+    head["settings"]["worlds"] = list(dict.fromkeys([*(own["world"] for own in old), *study.worlds]))
     for place in tqdm(missing, desc="consistency", unit="cell", initial=len(chosen) - len(missing), total=len(chosen)):
         world, policy, _, inertia = place
-        cells.pop(place, None)
-        cells[place] = {"revision": now, **cell(study, world, policy, chosen[place], inertia)}
-        head["settings"]["worlds"] = list(dict.fromkeys(own["world"] for own in cells.values()))
-        write_json(study.output, {**head, "cells": list(cells.values())})
-    show([cells[place] for place in chosen])
+        rows.pop(place, None)
+        rows[place] = {"revision": now, **cell(study, world, policy, chosen[place], inertia)}
+        write_json(study.output, {**head, "cells": list(rows.values())})
+    show([rows[place] for place in chosen])
     return 0
 
 

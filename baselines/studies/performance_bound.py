@@ -21,9 +21,11 @@ from satid_gym.estimators.inertia import PARAMETER_COUNT
 from satid_gym.laws import InertiaLaw
 from satid_gym.metrics import final_error
 from satid_gym.policies.reference import ZeroPolicy
-from satid_gym.problem import problem
+from satid_gym.problem import Problem, problem
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario, prior_of
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
 
 _WALKS = (0.0, *np.geomspace(1e-4, 0.01, 13).tolist())  # inertia walks of the reference limit's filter, per sqrt(s)
 
@@ -65,18 +67,35 @@ class PerformanceBound:
         return {name: _final(error) for name, error in self.series().items()}
 
 
+def lacks_bound(posed: Problem) -> str:
+    """Why a problem has no bounds, which take account of a rigid body, its gyro and tachometers; "" where it has."""
+    sheet = posed.scenario.operate(posed.satellites[0])
+    beyond = {
+        f"the estimator {posed.estimator.name!r}": not isinstance(posed.estimator, MomentumEKFSettings),
+        "panels or tanks": len(posed.satellites) > 1 or bool(sheet.oscillators),
+        "sensors off nominal or a star tracker": sheet.sensors != Sensors(),
+        "tolerances in the data sheet": sheet.tolerances != Tolerances(),
+        "faults": posed.scenario.faults.possible,
+    }
+    return " and ".join(what for what, there in beyond.items() if there)
+
+
 def performance_bound(
     satellite: str | Satellite, mode: str | InertiaLaw, chosen: Sequence[int], scenario: Scenario
 ) -> PerformanceBound:
     """Performance bound from the true trajectories of a cell's episodes.
 
     Raises:
-        ValueError: the scenario's filter is not the MomentumEKF.
+        ValueError: there is something that the bounds take no account of, see `lacks_bound`.
     """
     posed = problem(satellite, mode, scenario)
-    (nominal,), settings = posed.satellites, posed.estimator
-    if not isinstance(settings, MomentumEKFSettings):
-        raise ValueError(f"bounds are for the MomentumEKF's model; scenario {scenario.name!r} has {settings.name!r}")
+    nominal, settings = posed.satellites[0], posed.estimator
+    if beyond := lacks_bound(posed):
+        raise ValueError(
+            f"the bounds take no account of {beyond}, which satellite {nominal.name!r} has in scenario "
+            f"{scenario.name!r}: take a scenario without"
+        )
+    assert isinstance(settings, MomentumEKFSettings)
     adaptive = settings.adaptive
     walks = _WALKS if adaptive else (settings.inertia_walk,)
     filters = [MomentumEKFSettings(parameters=settings.parameters, inertia_walk=walk) for walk in walks]

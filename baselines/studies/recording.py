@@ -71,19 +71,20 @@ def record(
     scenario: ScenarioLike = "default",
     estimator: str | Mapping[str, Any] | EstimatorSettings | None = None,
     as_modelled: bool = False,
+    control: str = "torque",
 ) -> Recording:
     """Fly one policy and keep every sample.
 
     Args:
         policy: what decides; it sees observations alone.
-        satellite, inertia, scenario, estimator: as for the environment.
+        satellite, inertia, scenario, estimator, control: as for the environment.
         seeds: one for each episode.
         as_modelled: inertia and disturbance walk as the filter's model says, on top of the inertia law.
 
     Raises:
         ValueError: `as_modelled` with a filter that has no such model, or that estimates products of inertia.
     """
-    posed = problem(satellite, inertia, scenario, estimator, **observation_settings(policy))
+    posed = problem(satellite, inertia, scenario, estimator, control=control, **observation_settings(policy))
     if as_modelled:
         posed = posed.replace(scenario=model_world(posed.scenario))
     (mission,) = missions(posed)

@@ -21,6 +21,8 @@ from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 
+PYRAMID = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / np.sqrt(3.0)
+"""Axes (3, 4) of four wheels along the diagonals of a cube."""
 _MODE_STD = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}  # of panels and slosh masses
 _REACHED = 0.25  # part of the rate limit that an open-loop signal may reach
 _SINE_QUARTER = 50.0  # s, in which the sine of 0.01 Hz reaches its largest rate, as a constant torque would
@@ -93,6 +95,14 @@ def _with_slosh(satellite: Satellite, share: float, frequency: float) -> Satelli
         **_MODE_STD,
     )
     return satellite.replace(oscillators=(*satellite.oscillators, tank))
+
+
+def on_pyramid(satellite: Satellite, avoided_speed: tuple[float, float] = (0.0, 0.0)) -> Satellite:
+    """The satellite with four wheels like its first along the diagonals of a cube."""
+    sheet: dict[str, Any] = {
+        name: getattr(satellite.wheels, name)[0] for name in ("inertia", "max_torque", "max_speed")
+    }
+    return satellite.replace(wheels=ReactionWheels(axes=PYRAMID, avoided_speed=avoided_speed, **sheet))
 
 
 def _flexible(change: Callable[..., Satellite], share: float, frequency: float) -> World:
@@ -179,13 +189,21 @@ WORLDS: Mapping[str, World] = {
 """Worlds that are flown, by name."""
 
 
+PYRAMIDS = tuple(on_pyramid(SATELLITES[name]) for name in BENCHMARK_SATELLITES)
+TILTED_PYRAMIDS = World(scenario={"tilt_std": 0.15}, satellites=PYRAMIDS)
+"""World of four skewed wheels and a full tensor, of the studies of rate loops and of Basilisk."""
+
+
 def policy_for(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
     """Baseline as it was tuned for the satellite; else with settings that follow from its data sheet and the horizon.
+
+    A satellite with another rate limit than the one of its name, or another horizon, is another one in this.
 
     Raises:
         ValueError: the study does not fly this baseline.
     """
-    own = scenario.horizon == Scenario().horizon
+    known = SATELLITES.get(satellite.name, satellite)
+    own = scenario.horizon == Scenario().horizon and satellite.rate_limit == known.rate_limit
     try:
         return make_baseline(name, satellite.name if own else "")
     except NotPreparedError:

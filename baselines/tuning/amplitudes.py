@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from baselines.command import cluster
 from baselines.command.provenance import result_head
+from baselines.tuning.prepared import check_output, definitions, merged
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
@@ -28,9 +29,7 @@ from satid_gym.policies import grids
 from satid_gym.policies.grids import Settings
 from satid_gym.policies.registry import BASELINES, TUNED, build
 from satid_gym.resolution import ScenarioLike, resolve_scenario
-from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
-from satid_gym.scenario import Scenario
-from satid_gym.scenario_catalogue import SCENARIOS
+from satid_gym.satellite import BENCHMARK_SATELLITES, Satellite
 from satid_gym.selection import select_satellites, select_scenarios
 
 HOPELESS = 0.1  # beyond this share of the time more amplitude is not tried: it only leads further out
@@ -92,9 +91,9 @@ def check_tunable(names: Sequence[str]) -> None:
             )
 
 
-def best(trials: Sequence[Trial], idle: float) -> Trial:
+def best(trials: Sequence[Trial], zero: float) -> Trial:
     """The trial that the rule chooses, given the share of time that no torque at all spends beyond the envelope."""
-    for limit in (BEYOND_MAX, idle + BEYOND_MAX):
+    for limit in (BEYOND_MAX, zero + BEYOND_MAX):
         within = [t for t in trials if t.beyond <= limit]
         if within:
             return min(within, key=lambda t: t.final_error)
@@ -106,9 +105,21 @@ def edge(trial: Trial) -> bool:
     return trial.settings.get("amplitude", 1.0) <= grids.AMPLITUDES[0]
 
 
-def sweep(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> list[Trial]:
-    """All settings of a baseline that are worth trying, tried: the grid, and amplitudes close to the best of it."""
-    count = max(1, episodes * 2 // 5) if BASELINES[name].planner else episodes
+def idle(satellite: Satellite, scenario: ScenarioLike, episodes: int) -> float:
+    """Share of the time that no torque at all spends beyond the envelope."""
+    return attempt("zero", {}, satellite, scenario, episodes=episodes).beyond
+
+
+def sweep(name: str, satellite: Satellite, scenario: ScenarioLike, zero: float, *, episodes: int) -> list[Trial]:
+    """All settings of a baseline that are worth trying, tried: the grid, and amplitudes close to the best of it.
+
+    Args:
+        name: of the baseline.
+        satellite, scenario: where it flies.
+        zero: of `idle`, by which the best is chosen.
+        episodes: that judge a setting; see `judging`.
+    """
+    count = judging(name, episodes)
     trials: list[Trial] = []
     for row in grid(name, satellite, scenario):
         for settings in row:
@@ -116,8 +127,7 @@ def sweep(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *
             if trials[-1].outside_fraction > (BEYOND_MAX if "margin" in settings else HOPELESS):
                 break
     if "amplitude" in trials[0].settings and resolve_scenario(scenario).name != "paper":
-        idle = attempt("zero", {}, satellite, scenario, episodes=count)
-        top = best(trials, idle.beyond).settings
+        top = best(trials, zero).settings
         for factor in FINER:
             finer = {**top, "amplitude": round(min(top["amplitude"] * factor, 1.0), 5)}
             trials.append(attempt(name, finer, satellite, scenario, episodes=count))
@@ -126,8 +136,13 @@ def sweep(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *
 
 def tune(name: str, satellite: Satellite, scenario: ScenarioLike = "default", *, episodes: int = 100) -> Trial:
     """Best settings of a baseline for any satellite in one of the scenarios."""
-    idle = attempt("zero", {}, satellite, scenario, episodes=episodes)
-    return best(sweep(name, satellite, scenario, episodes=episodes), idle.beyond)
+    zero = idle(satellite, scenario, episodes)
+    return best(sweep(name, satellite, scenario, zero, episodes=episodes), zero)
+
+
+def judging(name: str, episodes: int) -> int:
+    """Episodes that judge a setting of a baseline: two fifths of them for planners, which are slow."""
+    return max(1, episodes * 2 // 5) if BASELINES[name].planner else episodes
 
 
 def attempt(name: str, settings: Settings, satellite: Satellite, scenario: ScenarioLike, *, episodes: int) -> Trial:
@@ -161,7 +176,8 @@ class Tuning:
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to tune for: names, .json or .toml files, or module:name (runs the module's code)."""
     output: Path = TUNED
-    """JSON file that the baselines read; another one is taken by the option --tuned of other commands."""
+    """JSON file that the baselines read, other entries of which stay; another one is taken by the option --tuned of
+    other commands."""
     trials: Path | None = None
     """Where to write every setting tried, as JSON."""
     ray: cluster.RayAddress = None
@@ -172,7 +188,8 @@ class Tuning:
 
         Raises:
             ValueError: a name is unknown or taken by another, what a file holds is not valid, there is no episode, a
-                baseline has no grid, or settings for one's own would be written among the shipped ones.
+                baseline has no grid, or custom settings would be written among the shipped ones.
+            DamagedFileError: the output is a file of something else.
         """
         check_output(self.satellites, self.scenarios, self.output, TUNED)
         check_integer("episodes", self.episodes)
@@ -181,28 +198,27 @@ class Tuning:
 
 def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Tune every baseline that has settings: the contents of the JSON file, and all trials behind them."""
-    names = tunable()
+    names, episodes = tunable(), tuning.episodes
     scenarios, satellites = select_scenarios(tuning.scenarios), select_satellites(tuning.satellites)
     cells = [(s, satellite, name) for s in scenarios for satellite in satellites for name in names]
     entries: list[dict[str, Any]] = []
     tried: list[dict[str, Any]] = []
-
-    idle = {
-        (world.name, satellite.name): attempt("zero", {}, satellite, world, episodes=tuning.episodes).beyond
-        for world in scenarios
-        for satellite in satellites
-    }
+    zeros = {(s.name, satellite.name): idle(satellite, s, episodes) for s in scenarios for satellite in satellites}
     with cluster.executor(tuning.ray) as pool:
-        sweeps = [pool.submit(sweep, name, satellite, s, episodes=tuning.episodes) for s, satellite, name in cells]
+        sweeps = [
+            pool.submit(sweep, name, satellite, s, zeros[s.name, satellite.name], episodes=episodes)
+            for s, satellite, name in cells
+        ]
         bar = tqdm(sweeps, total=len(cells), desc="tuning", unit="baseline")
         for (world, satellite, name), swept in zip(cells, bar, strict=True):
             trials = swept.result()
             place = {"policy": name, "satellite": satellite.name, "scenario": world.name}
-            chosen = best(trials, idle[world.name, satellite.name])
-            entries.append({**place, **dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)})
+            chosen = best(trials, zeros[world.name, satellite.name])
+            found = {**dataclasses.asdict(chosen), "inside": chosen.inside, "edge": edge(chosen)}
+            entries.append({**place, **found, "episodes": judging(name, episodes)})
             tried += [{**place, **dataclasses.asdict(trial)} for trial in trials]
     tuned = {
-        **result_head("baselines.tune", split="tuning", seeds=seeds("tuning", tuning.episodes)),
+        **result_head("baselines.tune", split="tuning", seeds=seeds("tuning", episodes)),
         "inertia": "one of static, step, drift, periodic at random, the paper's laws",
         "rule": (
             f"lowest mean final error with at most {BEYOND_MAX:.0%} of the time beyond the envelope, of rates or "
@@ -221,32 +237,12 @@ def run(tuning: Tuning) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     return tuned, tried
 
 
-def check_output(satellites: Sequence[str], scenarios: Sequence[str], output: Path, shipped: Path) -> None:
-    """Refuse satellites and scenarios that are not valid, and to write those of one's own into a shipped file.
-
-    Raises:
-        ValueError: one is unknown, not valid or has the name of another, or would be written among the shipped.
-    """
-    own = [x.name for x in (*select_satellites(satellites), *select_scenarios(scenarios))]
-    own = [name for name in own if name not in SATELLITES and name not in SCENARIOS]
-    if own and output.resolve() == shipped.resolve():
-        raise ValueError(f"{', '.join(own)} would replace the settings that are shipped: add --output FILE.json")
-
-
-def definitions(satellites: Sequence[Satellite], scenarios: Sequence[Scenario]) -> dict[str, Any]:
-    """In full, the satellites and scenarios that no catalogue has."""
-    return {
-        "satellites": {s.name: s.to_dict() for s in satellites if s.name not in SATELLITES},
-        "scenarios": {s.name: s.to_dict() for s in scenarios if s.name not in SCENARIOS},
-    }
-
-
 def main(settings: Tuning) -> int:
     """Tune what the command line asks for; the exit code."""
     for path in (settings.output, settings.trials or settings.output):
         check_writable(path.parent)
     tuned, tried = run(settings)
-    write_json(settings.output, tuned)
+    write_json(settings.output, merged(settings.output, tuned))
     if settings.trials is not None:
         write_json(settings.trials, tried)
     return 0

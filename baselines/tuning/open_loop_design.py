@@ -17,7 +17,8 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from baselines.tuning.amplitudes import Trial, attempt, best, check_output, definitions, judge
+from baselines.tuning.amplitudes import Trial, best, idle, judge
+from baselines.tuning.prepared import check_output, definitions, merged
 from satid_gym.bounds import TrueMotion, posterior_bound
 from satid_gym.config import check_integer, check_number
 from satid_gym.control.planning.planner import planning_walk
@@ -48,7 +49,7 @@ class Design:
     fraction: float = 0.5
     """Share of the rate limit that the plans aim at while they are designed."""
     seed: int = 0
-    """Of the search."""
+    """Seed of the search."""
     episodes: int = 100
     """Tuning episodes that judge a share of the rate limit."""
     scenarios: tuple[str, ...] = ("default", "tight", "paper")
@@ -56,14 +57,16 @@ class Design:
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to design for: names, .json or .toml files, or module:name (runs the module's code)."""
     output: Path = DESIGNS
-    """JSON file that the policy reads; another one is taken by the option --designs of other commands."""
+    """JSON file that the policy reads, other entries of which stay; another one is taken by the option --designs of
+    other commands."""
 
     def check(self) -> None:
         """Refuse what cannot be designed.
 
         Raises:
             ValueError: a name is unknown or taken by another, what a file holds is not valid, a number is out of
-                range, or what is one's own would be written among the shipped designs.
+                range, or a custom design would be written among the shipped ones.
+            DamagedFileError: the output is a file of something else.
         """
         check_output(self.satellites, self.scenarios, self.output, DESIGNS)
         for name in ("population", "rounds", "reversals", "episodes"):
@@ -73,7 +76,7 @@ class Design:
         check_number("fraction", self.fraction, strict=True, high=1.0)
 
 
-def nominal_course(rates: np.ndarray, satellite: Satellite, samples: int) -> TrueMotion:
+def nominal_motion(rates: np.ndarray, satellite: Satellite, samples: int) -> TrueMotion:
     """Truth of the nominal satellite with rates (N, D + 1, 3) at the decisions' edges and zero momentum."""
     ramp = np.arange(samples)[:, None] / samples
     between = rates[:, :-1, None] + ramp * np.diff(rates, axis=1)[:, :, None]
@@ -97,7 +100,7 @@ def information(dwell: np.ndarray, satellite: Satellite, scenario: Scenario, fra
     prior, settings = prior_of(satellite, scenario), MomentumEKFSettings(inertia_walk=planning_walk(scenario.estimator))
     operated = scenario.operate(satellite)
     rates = planned_rates(dwell, operated, fraction, scenario.decisions, scenario.decision_period)
-    motion = nominal_course(rates, operated, scenario.samples)
+    motion = nominal_motion(rates, operated, scenario.samples)
     covariance = posterior_bound(motion, prior, settings, scenario.sample_period)
     log_prior = 2.0 * np.log(prior.prior_theta_std(prior.needed_parameters)).sum()
     return 0.5 * (log_prior - np.linalg.slogdet(covariance)[1].mean(axis=1))
@@ -128,7 +131,7 @@ def fit(dwell: list[list[int]], satellite: Satellite, scenario: ScenarioLike, ep
         policy = OpenLoopOptimalPolicy(dwell, fraction)
         flight = fly(policy, scenario=benchmark_scenario(scenario), **cell)  # type: ignore[arg-type]
         trials.append(judge({"fraction": fraction}, flight))
-    return best(trials, attempt("zero", {}, satellite, scenario, episodes=episodes).beyond)
+    return best(trials, idle(satellite, scenario, episodes))
 
 
 def run(design: Design) -> dict[str, Any]:
@@ -152,6 +155,7 @@ def run(design: Design) -> dict[str, Any]:
                 "saturated_fraction": chosen.saturated_fraction,
                 "inside": chosen.inside,
                 "dwell": dwell,
+                "episodes": design.episodes,
             }
         )
     settings = {
@@ -171,7 +175,7 @@ def main(settings: Design) -> int:
     """Design what the command line asks for; the exit code."""
     check_writable(settings.output.parent)
     results = run(settings)
-    write_json(settings.output, results)
+    write_json(settings.output, merged(settings.output, results))
     for entry in results["entries"]:
         print(
             f"{entry['scenario']:8s} {entry['satellite']:9s} {entry['information_nats']:.2f} nats, rates up to "

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from satid_gym.core.observation import BOUND, MODE_PARTS
+from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policy import Mission
 from satid_gym.vector import SatInertiaIDVectorEnv
@@ -25,7 +25,7 @@ def with_true_modes(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.n
     Its deflection is that of the pair's mean times the limit of eta over that of angle or travel; the mass in both is
     the filter's, and what a policy does with their ratio is free of it.
     """
-    rows, places = env.fleet.rows, dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
+    rows, places = env.fleet.rows, MODE_PLACES
     modes, limit, told = rows.beliefs["modes"], rows.tasks["deflection_limit"], observation.copy()
     part = told[:, env.problem.layout["modes"]].reshape(len(told), -1, sum(MODE_PARTS.values()))
     o, nominal = rows.plants["oscillators"], modes["frequency"][:, 0]
