@@ -1,4 +1,4 @@
-"""Command: score one learned policy; see `agents.benchmark.evaluate`."""
+"""Command: score one policy; see `agents.benchmark.evaluate`."""
 
 import agents.benchmark.blas  # noqa: F401  before numpy
 from agents.benchmark.evaluate import main

@@ -1,4 +1,4 @@
-"""A satellite with tilted wheels, an estimator of one's own, a reward of one's own.
+"""A satellite with tilted wheels, your own estimator, your own reward.
 
 python examples/03_bring_your_own_satellite_and_estimator.py
 """

@@ -1,4 +1,4 @@
-"""A control loop outside the environment: a simulation of one's own in the place of the satellite.
+"""A control loop outside the environment: your own simulation in place of the satellite.
 
 python examples/04_fly_a_satellite_of_your_own.py
 """

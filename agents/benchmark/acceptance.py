@@ -69,13 +69,13 @@ def cells(records: Sequence[Record]) -> Iterator[dict[str, Record]]:
         yield {r["policy"]: r for r in records if (r["satellite"], r["inertia_mode"]) == key}
 
 
-def _largest(values: Sequence[float], least: float, form: str = "{:.3f}") -> tuple[str, bool]:
+def _largest(values: Sequence[float], limit: float, form: str = "{:.3f}") -> tuple[str, bool]:
     text = ", ".join(form.format(v) for v in values)
-    return f"largest {form.format(max(values))} of {text}", max(values) <= least
+    return f"largest {form.format(max(values))} of {text}", max(values) <= limit
 
 
 def needed_efficiency(results: Mapping[str, Any], policy: str) -> list[float]:
-    """Excitation efficiency that a third of the best profile's final error would take, by cell; 1 is at the limit.
+    """Excitation efficiency needed to reach a third of the best profile's final error, by cell; 1 is the limit.
 
     Both are related to the reference limit of `baselines.studies.performance_bound`. With a fixed process noise no
     excitation reaches more than 1; for an AdaptiveEKF the limit is that of the best fixed one, a reference, no bound.
@@ -205,7 +205,7 @@ def geometry_claims(policy: str, episodes: int, scenario: str) -> list[Claim]:
 
 
 def missing(results: Mapping[str, Any], needed: Sequence[str], judged: Sequence[str]) -> str | None:
-    """What a verdict on policies takes and the results do not have, in words; None where they have all of it.
+    """Data that the verdict needs and the results lack, in words; None if complete.
 
     Args:
         results: as compare.json has them.
@@ -242,7 +242,7 @@ def _complete(file: Path, scenario: str, needed: Sequence[str], judged: Sequence
         planners = ["--all"] if any(name in PLANNERS for name in needed) else []
         options = [*planners, "--scenario", scenario, "--output", str(file.parent)]
         made = shlex.join(["python", "-m", "agents.compare", *options])
-        raise DamagedFileError(f"{file} is of a smaller comparison than a verdict takes, without {lacks}: run {made}")
+        raise DamagedFileError(f"{file} lacks what the verdict needs, {lacks}: run {made}")
     return results
 
 

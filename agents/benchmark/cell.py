@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Any
 
-from baselines.studies.performance_bound import PerformanceBound, performance_bound
+from baselines.studies.performance_bound import PerformanceBound, lacks_bound, performance_bound
 from baselines.studies.timing import TimedPolicy
-from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import Flight, fly
 from satid_gym.laws import InertiaLaw
-from satid_gym.policy import Policy
+from satid_gym.policy import Mission, Policy, missions, observation_settings
+from satid_gym.problem import problem
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.selection import label
@@ -27,8 +28,8 @@ class Cell:
         satellite, inertia: which cell.
         policies: the entrants.
         flights: of each of them, with the time of its decisions, ms.
-        performance_bound: errors that the cell allows; None where the scenario's filter is neither the AdaptiveEKF
-            nor the MomentumEKF, as they are by default.
+        performance_bound: errors that the cell allows; None where it has no bound, see
+            `baselines.studies.performance_bound.lacks_bound`.
     """
 
     satellite: Satellite
@@ -52,10 +53,12 @@ class Cell:
         inertia: str | InertiaLaw,
         seeds: Sequence[int],
         scenario: Scenario,
+        control: str,
     ) -> Cell:
         """Hand a cell to the pool."""
-        episodes = {"satellite": satellite, "inertia": inertia, "seeds": seeds, "scenario": scenario, "num_threads": 1}
-        bounded = isinstance(scenario.estimator, MomentumEKFSettings) and not scenario.faults.possible
+        episodes = {"satellite": satellite, "inertia": inertia, "seeds": seeds, "scenario": scenario}
+        episodes |= {"control": control, "num_threads": 1}
+        bounded = not lacks_bound(problem(satellite, inertia, scenario))
         return cls(
             satellite=satellite,
             inertia=inertia,
@@ -69,3 +72,22 @@ def fly_timed(policy: Policy, **episodes: Any) -> tuple[Flight, float]:
     """Flight of a copy of the policy, because cells fly side by side, and the time of its decisions, ms."""
     timed = TimedPolicy(copy.copy(policy))
     return fly(timed, **episodes), timed.decision_ms
+
+
+def misfit(
+    policy: Policy, satellite: Satellite, modes: Sequence[str | InertiaLaw], scenario: Scenario, control: str
+) -> str:
+    """Why a policy cannot fly a satellite, such as other numbers of wheels or parameters; "" where it can."""
+    for mode in modes:
+        told = _mission(satellite, mode, scenario, control, tuple(observation_settings(policy).items()))
+        try:
+            copy.copy(policy).reset(told, [0])
+        except ValueError as error:
+            return f"satellite {satellite.name!r}: {error}"
+    return ""
+
+
+@functools.lru_cache(maxsize=64)
+def _mission(satellite: Satellite, mode: str | InertiaLaw, scenario: Scenario, control: str, seen: Any) -> Mission:
+    """Briefing of the first data sheet that a scenario draws, which takes it a second; policies share them."""
+    return missions(problem(satellite, mode, scenario, control=control, **dict(seen)))[0]

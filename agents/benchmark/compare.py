@@ -15,26 +15,33 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
-from agents.benchmark.entrants import Entrants, Prepared, find_entrants
+from agents.benchmark.entrants import Entrants, find_entrants
 from agents.benchmark.flights import fly_cells, fly_shown_episode, instants
 from agents.benchmark.report import write_report
-from agents.benchmark.results import file_names
+from agents.benchmark.results import files_of
 from agents.benchmark.stored import candidates, find_stored, keep_planners, with_stored
 from agents.benchmark.summary.tables import print_comparison
 from baselines.command import cli
 from baselines.command.cluster import RayAddress
 from baselines.command.options import ScenarioText
 from baselines.command.provenance import portable, result_head
+from baselines.tuning.prepared import Prepared
 from satid_gym.config import check_names
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario, seeds
 from satid_gym.files import check_writable, write_json, write_text
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.selection import label, select_inertias, select_satellites, select_scenario
+
+_BOUNDS = (
+    "bound: root mean square error that no estimator beats under any excitation inside the envelope; "
+    "reference_limit: that of the best fixed process noise, told of steps, if all samples told as much; "
+    "efficiency: bound / achieved"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,17 +52,20 @@ class Comparison:
     """The world: a name, a .json or .toml file, or module:name (runs the module's code)."""
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to fly: names, .json or .toml files, or module:name (runs the module's code)."""
-    modes: tuple[str, ...] = INERTIA_MODES
+    modes: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--inertias"])] = INERTIA_MODES
     """How their inertia varies: modes, laws as .json, .toml or .csv files, or module:name (runs the module's code)."""
     policies: tuple[str, ...] = ()
-    """Policies to compare: names, paths of a policy's files or of a run's folder, or NAME=PATH; where none is named
-    all that come with the project, planners excepted."""
+    """Policies to compare: names, paths of a policy's files or of a run's folder, module:name (runs the module's
+    code), or NAME= before either of the two; where none is named all that come with the project, planners excepted."""
     all: tyro.conf.FlagCreatePairsOff[bool] = False
     """Fly the planners too; this takes five times as long."""
+    control: Literal["torque", "rate"] = "torque"
+    """What actions are: torque of each wheel, or body rates, with the baselines of the standing table. Those that are
+    not tuned for a satellite or scenario then fly with their default settings."""
     prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
     episodes: int = 100
     """Episodes of each policy in each cell."""
-    seed_split: str = "test"
+    seed_split: Annotated[str, tyro.conf.arg(aliases=["--split"])] = "test"
     """Which seeds: training, tuning, validation or test."""
     output: Path = Path("results")
     """Folder for what is written; scenarios other than default add their name to the files'."""
@@ -82,6 +92,7 @@ class Comparison:
             satellites=dict(zip(self.satellites, satellites, strict=True)),
             modes=modes,
             scenario=(self.scenario, scenario),
+            control=self.control,
             policies=self.policies,
             prepared=self.prepared,
             planners=self.all,
@@ -122,7 +133,7 @@ def compare(comparison: Comparison, entrants: Entrants) -> dict[str, Any]:
         "bounds": tables.bounds,
         "efficiencies": tables.efficiencies,
     }
-    plain = not comparison.policies and not comparison.all
+    plain = not comparison.policies and not comparison.all and comparison.control == "torque"
     files = candidates(comparison.output, entrants.scenario.name)
     return {
         **results,
@@ -138,7 +149,7 @@ def compare(comparison: Comparison, entrants: Entrants) -> dict[str, Any]:
 
 def write(results: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the results as JSON and their records as CSV; the paths written."""
-    file = folder / file_names(results["settings"]["scenario"])["results"]
+    file = folder / files_of(results)["results"]
     table = io.StringIO()
     writer = csv.DictWriter(table, fieldnames=list(results["records"][0]), lineterminator="\n")
     writer.writeheader()
@@ -164,11 +175,9 @@ def main(comparison: Comparison) -> int:
     first, count = results["seeds"]["first"], results["seeds"]["count"]
     lines = [
         "bold: lowest among those at most 1 % of the time beyond the envelope, of rates and wheel speeds",
-        "bound: root mean square error that no estimator beats under any excitation inside the envelope; "
-        "reference_limit: that of the best fixed process noise, told of steps, if all samples told as much; "
-        "efficiency: bound / achieved",
+        *([_BOUNDS] if results["bounds"] else []),
         *stored_lines(results["stored"]),
-        *(f"not tuned: {line}" for line in entrants.not_tuned),
+        *entrants.notes(),
         f"{results['command']}, revision {results['revision']}, scenario {entrants.scenario.name}, "
         f"{comparison.seed_split} seeds {first} to {first + count - 1}",
         *([f"the planners' figures that were in {comparison.output} are kept in {kept}"] if kept else []),

@@ -91,6 +91,7 @@ def fly_cells(entrants: Entrants, seeds: Sequence[int], ray: str | None = None) 
                 inertia=mode,
                 seeds=seeds,
                 scenario=scenario,
+                control=entrants.control,
             )
             for satellite, mode in places
         ]
@@ -115,6 +116,7 @@ def fly_shown_episode(entrants: Entrants, records: Rows, seed: int) -> dict[str,
         mode=mode,
         seed=seed,
         scenario=benchmark_scenario(entrants.scenario),
+        control=entrants.control,
         shown=shown_policies([r for r in records if (r["satellite"], r["inertia_mode"]) == place]),
     )
 

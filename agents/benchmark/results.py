@@ -29,10 +29,16 @@ _LISTS = ("time", "curves")
 _OBJECTS = ("settings", "seeds", "versions", "scenario", "episode")
 
 
-def file_names(scenario: str) -> dict[str, str]:
-    """Names of a scenario's files: `results`, `curves` and `page`."""
-    end = "" if scenario == "default" else f"_{scenario}"
+def file_names(scenario: str, control: str = "torque") -> dict[str, str]:
+    """Names of a scenario's files: `results`, `curves` and `page`; apart for body rates as actions."""
+    end = ("" if scenario == "default" else f"_{scenario}") + ("" if control == "torque" else f"_{control}")
     return {"results": f"compare{end}.json", "curves": f"report_data{end}.json", "page": f"report{end}.html"}
+
+
+def files_of(results: Mapping[str, Any]) -> dict[str, str]:
+    """Names of the files of a comparison's results."""
+    settings = results["settings"]
+    return file_names(settings["scenario"], settings.get("control", "torque"))  # which older results lack
 
 
 def read_results(path: Path, remedy: str, *, keys: Iterable[str]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.benchmark.results import file_names, read_results
+from agents.benchmark.results import file_names, files_of, read_results
 from baselines.command.provenance import portable
 from satid_gym.files import DamagedFileError, read_json, write_bytes
 from satid_gym.policies.registry import PLANNERS
@@ -83,7 +83,7 @@ def keep_planners(folder: Path, results: Values) -> Path | None:
     Returns:
         The folder; None if nothing would be lost.
     """
-    names = file_names(results["settings"]["scenario"])
+    names = files_of(results)
     old = folder / names["results"]
     try:
         records = read_results(old, "", keys=["records"])["records"]
@@ -107,7 +107,7 @@ def keep_planners(folder: Path, results: Values) -> Path | None:
 
 
 def _from_file(file: Path, results: Values) -> dict[str, Any]:
-    """The same of one file, which exists."""
+    """Planners' figures from one existing file, as of `find_stored`."""
     name = str(file.relative_to(ROOT)) if file.is_relative_to(ROOT) else portable(str(file))
     empty = {"file": None, "revision": None, "command": None, "records": [], "efficiencies": []}
     try:
@@ -173,12 +173,12 @@ def _other_satellite(old: Values, results: Values, satellite: str) -> str:
 
 
 def differing(old: Sequence[Values], new: Sequence[Values]) -> dict[str, int]:
-    """Number of cells, by policy, in which a figure of two tables of records differs by more than 1e-9 of it."""
+    """Number of cells, by policy, in which a figure that two tables of records have differs by more than 1e-9 of it."""
     before = {(r["policy"], r["satellite"], r["inertia_mode"]): r for r in old}
     found: dict[str, int] = {}
     for r in new:
         other = before.get((r["policy"], r["satellite"], r["inertia_mode"]))
-        if other is not None and not all(_same(r[name], other.get(name)) for name in r):
+        if other is not None and not all(_same(r[name], other[name]) for name in r if name in other):
             found[r["policy"]] = found.get(r["policy"], 0) + 1
     return found
 

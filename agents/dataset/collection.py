@@ -21,17 +21,18 @@ import tyro
 from gymnasium.envs.registration import EnvSpec
 from tqdm import tqdm
 
-from agents.benchmark.entrants import Prepared, learned
+from agents.benchmark.entrants import entrant
 from agents.dataset import storage
 from agents.dataset.flights import record
 from baselines.command import cli
 from baselines.command.options import ScenarioText
 from baselines.command.provenance import result_head
+from baselines.tuning.by_rates import all_baselines
+from baselines.tuning.prepared import Prepared
 from satid_gym import metrics
 from satid_gym.config import check_integer
 from satid_gym.evaluation import seeds
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.registry import BASELINES, RATE_BASELINES, make_baseline
 from satid_gym.policy import Policy, observation_settings
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.scenario_catalogue import SCENARIOS
@@ -43,8 +44,8 @@ class Collection:
     """What to fly, and where it goes."""
 
     policies: tuple[str, ...] = ("generalist",)
-    """Policies to fly: names of baselines and shipped ones, paths of a policy's files or of a run's folder, or
-    NAME=PATH."""
+    """Policies to fly: names of baselines and shipped ones, paths of a policy's files or of a run's folder,
+    module:name (runs the module's code), or NAME= before either of the two."""
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to fly: names, .json or .toml files, or module:name (runs the module's code)."""
     modes: tuple[str, ...] = INERTIA_MODES
@@ -64,7 +65,7 @@ class Collection:
     prepared: Annotated[Prepared, tyro.conf.arg(name="")] = field(default_factory=Prepared)
 
     def check(self) -> None:
-        """Refuse numbers that are none.
+        """Refuse invalid numbers.
 
         Raises:
             ValueError: episodes or skip is not an integer that counts.
@@ -85,7 +86,9 @@ def collect(collection: Collection) -> list[str]:
         UserError: Minari is not installed.
     """
     satellites = select_satellites(collection.satellites)
-    teams = {text: [_policy(collection, text, satellite) for satellite in satellites] for text in collection.policies}
+    teams = {
+        text: [policy_for(collection, text, satellite) for satellite in satellites] for text in collection.policies
+    }
     names = [collection.named(team[0].name) for team in teams.values()]
     for name in names:
         storage.check_free(name)
@@ -94,15 +97,13 @@ def collect(collection: Collection) -> list[str]:
     return names
 
 
-def _policy(collection: Collection, text: str, satellite: Satellite) -> Policy:
+def policy_for(collection: Collection, text: str, satellite: Satellite) -> Policy:
     """A policy for a satellite, by what it was named."""
-    scenario = select_scenario(collection.scenario)
-    if text in RATE_BASELINES:
-        return make_baseline(text, satellite.name, scenario.name)
-    if text in BASELINES:
+    place = collection.scenario, select_scenario(collection.scenario)
+    if text in all_baselines(place[1], collection.control):
         flown = list(zip(collection.satellites, select_satellites(collection.satellites), strict=True))
-        return collection.prepared.policy(text, satellite, (collection.scenario, scenario), flown)
-    return learned(text)
+        return collection.prepared.policy(text, satellite, place, flown, collection.control)
+    return entrant(text)
 
 
 def _write(collection: Collection, name: str, satellites: Sequence[Satellite], team: Sequence[Policy]) -> None:

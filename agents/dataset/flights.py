@@ -10,7 +10,7 @@ import numpy as np
 
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.gym_api import COSTS
-from satid_gym.policy import Policy, observation_settings, only_mission
+from satid_gym.policy import Policy, observation_settings, only_mission, show_filter
 from satid_gym.problem import problem
 from satid_gym.resolution import InertiaLike
 from satid_gym.satellite import Satellite
@@ -85,6 +85,7 @@ def record(
     steps: dict[str, list[np.ndarray]] = {"observations": [observation]}
     infos = [_chosen(info)]
     for _ in range(mission.scenario.decisions):
+        show_filter(policy, env.fleet.rows.beliefs, env.fleet.rows.tasks)
         action = np.asarray(policy(observation[:, :size]), np.float32)
         observation, *results, info = env.step(action)
         named = ("actions", "rewards", "terminations", "truncations", "observations")

@@ -34,7 +34,7 @@ def library() -> ModuleType:
 
 
 def check_free(name: str) -> None:
-    """Refuse the name of a data set that there is.
+    """Refuse the name of an existing data set.
 
     Raises:
         ValueError: there is one, or Minari does not accept the name.

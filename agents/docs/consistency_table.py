@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from agents.docs.readme import REMEDY, RESULTS
 from baselines.command.markdown import table
 from baselines.studies.worlds import WORLDS
+from satid_gym.files import read_json
 
 _GROUPS = (("rate_square",), ("multi_step", "sine"), ("one_step", "zero"))  # policies by how they excite the body
 
 Cell = Mapping[str, Any]
+
+
+def consistency(write: Callable[[Mapping[str, Any]], str], study: str = "consistency") -> str:
+    """A table of the filter's consistency, from a committed study."""
+    return write(read_json(RESULTS / f"{study}.json", REMEDY, keys=("cells", "settings", "revision")))
 
 
 def _shown(nees: float) -> str:
@@ -27,9 +34,10 @@ def _errors(cells: Sequence[Cell]) -> str:
 
 
 def _by_world(results: Mapping[str, Any], *topics: str) -> dict[str, list[Cell]]:
-    """Cells by world, of those of some topics."""
+    """Cells by world, in the order of `WORLDS`, of those of some topics."""
     cells: Sequence[Cell] = results["cells"]
-    names = [w for w in dict.fromkeys(cell["world"] for cell in cells) if WORLDS[w].topic in topics]
+    flown = {cell["world"] for cell in cells}
+    names = [name for name, world in WORLDS.items() if name in flown and world.topic in topics]
     return {name: [cell for cell in cells if cell["world"] == name] for name in names}
 
 

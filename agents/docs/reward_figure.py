@@ -38,7 +38,7 @@ _NAMED = ("learned", "reference")  # kinds whose policies are few enough to carr
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """Of what to draw the figure, and where to."""
+    """Files of the figure."""
 
     results: Path = ROOT / "docs" / "results" / "compare.json"
     """File that agents.compare wrote."""

@@ -14,7 +14,7 @@ import docstring_parser
 
 from agents.docs import faults_table
 from agents.docs import world_tables as worlds
-from agents.docs.consistency_table import consistency_table, timing_table, tracker_table
+from agents.docs.consistency_table import consistency, consistency_table, timing_table, tracker_table
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
 from agents.docs.results_tables import (
@@ -173,12 +173,6 @@ def compared(write: Callable[[Mapping[str, Any]], str]) -> Callable[[], str]:
     return lambda: write(read_json(RESULTS / "compare.json", REMEDY, keys=keys))
 
 
-def consistency(write: Callable[[Mapping[str, Any]], str], study: str = "consistency") -> str:
-    """A table of the filter's consistency, from a committed study."""
-    remedy = f"run python -m baselines.studies.consistency --output docs/results/{study}.json"
-    return write(read_json(RESULTS / f"{study}.json", remedy, keys=("cells", "settings", "revision")))
-
-
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "scenarios.md": {
         "satellites": satellites,
@@ -189,11 +183,18 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "gate": worlds.gates,
         "planners": worlds.planners,
         "looking ahead": worlds.looking_ahead,
+        "ahead in pairs": worlds.pairs("calibration", "lookahead", "stargazer filter_mpc mpc swing_and_stop"),
+        "half way": worlds.half_way,
         "laws": laws,
         "faults": faults,
     },
     "standing.md": {"ladders": worlds.ladders},
-    "training.md": {"unseen": unseen},
+    "training.md": {
+        "unseen": unseen,
+        "stars": worlds.pairs("calibration", "stargazer", "prbs rate_square mpc swing_and_stop filter_mpc"),
+        "tank": worlds.pairs("slosh", "tank_tour", "spared_square corner_tour filter_mpc"),
+        "windows": worlds.pairs("operations", "window_tour", "swing_between mpc filter_mpc"),
+    },
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
     "baselines.md": {"baselines": baselines},
     "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from agents.docs.readme import RESULTS
+from agents.docs.readme import REMEDY, RESULTS
 from agents.standing.lookahead_table import lookahead_table
-from agents.standing.summary import RUNGS, is_honest, ladder
+from agents.standing.paired_table import paired_table
+from agents.standing.summary import RUNGS, is_consistent, ladder
 from baselines.command.markdown import table
 from baselines.scenarios.four_wheels import HEAD, summary
 from satid_gym.files import read_json
@@ -24,42 +25,38 @@ def _pair(cells: Sequence[Cell], name: str, pattern: str, factor: float = 1.0) -
     return f"{plain:{pattern}} / {inflated:{pattern}}"
 
 
-def _committed(name: str, command: str, rows: str, folder: str = "scenarios") -> Mapping[str, Any]:
+def _committed(name: str, rows: str, *more: str) -> Mapping[str, Any]:
     """A study's file in docs/results."""
-    remedy = f"run python -m baselines.{folder}.{command} --output docs/results/{name}.json"
-    return read_json(RESULTS / f"{name}.json", remedy, keys=(rows, "settings", "revision"))
+    return read_json(RESULTS / f"{name}.json", REMEDY, keys=(rows, "settings", "revision", *more))
 
 
 def unmodelled() -> str:
     """What becomes of a filter that is not told, from the committed study."""
-    return unmodelled_table(_committed("unmodelled", "unmodelled", "cells"))
+    return unmodelled_table(_committed("unmodelled", "cells"))
 
 
 def rate_loops() -> str:
     """Both rate loops, from the committed study."""
-    return rate_loops_table(_committed("rate_loops", "rate_loops", "cells"))
+    return rate_loops_table(_committed("rate_loops", "cells"))
+
+
+def _gates(kind: str, *scenarios: str) -> str:
+    return "\n\n".join(gate_table(_committed(f"{kind}_{name}", "rows")) for name in scenarios)
 
 
 def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
-    return "\n\n".join(
-        gate_table(_committed(f"gate_{name}", f"gate --scenario {name}", "rows"))
-        for name in ("flex", "slosh", "calibration", "operations")
-    )
+    return _gates("gate", "flex", "slosh", "calibration", "operations")
 
 
 def planners() -> str:
     """`filter_mpc` next to the closed loop of each scenario, from the committed flights."""
-    return "\n\n".join(
-        gate_table(_committed(f"planner_{name}", f"gate --scenario {name}", "rows"))
-        for name in ("flex", "slosh", "calibration")
-    )
+    return _gates("planner", "flex", "slosh", "calibration")
 
 
 def _standing() -> Mapping[str, Any]:
     """The committed standing table."""
-    remedy = "run python -m agents.standing and copy standing.json to docs/results"
-    return read_json(RESULTS / "standing.json", remedy, keys=("rows", "settings", "command", "seeds"))
+    return _committed("standing", "rows", "command", "seeds")
 
 
 def ladders() -> str:
@@ -68,25 +65,35 @@ def ladders() -> str:
 
 
 def looking_ahead() -> str:
-    """`lookahead_tour` next to other policies, from the committed standing table."""
+    """`lookahead` next to other policies, from the committed standing table."""
     return lookahead_table(_standing())
+
+
+def half_way() -> str:
+    """`lookahead` next to planners, its policy and the oracle, from the committed flights."""
+    return _gates("lookahead", "calibration", "operations")
+
+
+def pairs(scenario: str, policy: str, others: str) -> Callable[[], str]:
+    """Writer of a policy next to others, names with spaces, from the committed comparison in a scenario."""
+    return lambda: paired_table(_committed(f"pairs_{scenario}", "rows"), policy, others.split())
 
 
 def four_wheels() -> str:
     """Four wheels with and without null motion, from the committed study."""
-    results = _committed("four_wheels", "four_wheels", "cells")
+    results = _committed("four_wheels", "cells")
     flown = "{satellite}, {episodes} tuning episodes a flight; revision ".format(**results["settings"])
     return table(list(HEAD), summary(results["cells"]), text_columns=2) + f"\n\n{flown}{results['revision'][:7]}."
 
 
 def basilisk() -> str:
     """Basilisk's truth next to the environment's own, from the committed study."""
-    return basilisk_table(_committed("basilisk", "basilisk", "cells", folder="studies"))
+    return basilisk_table(_committed("basilisk", "cells"))
 
 
 def tours() -> str:
     """The same of the learned policies that choose corners, by body rates."""
-    return basilisk_table(_committed("basilisk_tours", "basilisk", "cells", folder="studies"))
+    return basilisk_table(_committed("basilisk_tours", "cells"))
 
 
 def unmodelled_table(results: Mapping[str, Any]) -> str:
@@ -131,7 +138,7 @@ def gate_table(results: Mapping[str, Any]) -> str:
         rows.append(
             [
                 f"`{own['policy']}`" if own["policy"] != "oracle" else "oracle",
-                ", ".join(f"{name} {value:g}" for name, value in own["settings"].items()),
+                ", ".join(f"{k} {v if isinstance(v, str) else f'{v:g}'}" for k, v in own["settings"].items()),
                 "-" if own["expected"] is None else f"{100.0 * own['expected']:.3f}",
                 "-" if own["over_oracle"] is None else f"{own['over_oracle']:.2f}",
                 f"{100.0 * own['final_error']:.3f}",
@@ -187,7 +194,7 @@ def ladders_table(results: Mapping[str, Any]) -> str:
     head = ["scenario", "satellite", *(RUNGS[rung] for rung in shown)]
     revisions = sorted({row["revision"][:7] for row in flown})
     judged = [row for row in flown if row.get("nees") is not None]
-    honest, worst = sum(map(is_honest, judged)), max(row["nees"] for row in judged)
+    honest, worst = sum(map(is_consistent, judged)), max(row["nees"] for row in judged)
     source = (
         f"Inertia {', '.join(settings['inertias'])}; {settings['episodes']} {results['seeds']['split']} episodes a cell"
         + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")

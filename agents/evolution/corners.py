@@ -8,7 +8,8 @@ random; what counts is the error that the filter expects, in the mean over the f
 and the costs. No teacher, no truth and no gradient: costs and what the filter says are all it sees.
 
 The policy has the mean of what the last generations found: one alone is noise for a good part.
-Each generation is kept in `generations.npz` in the run's folder; stopped, the same command goes on.
+Each generation is kept in `generations.npz` in the run's folder, with the revision that flew it; stopped, the same
+command goes on, and says where that is of another revision.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cma
@@ -27,15 +31,31 @@ from tqdm import tqdm
 from agents.evolution.judge import Judges
 from agents.evolution.settings import Evolution
 from baselines.command import cli
-from baselines.command.provenance import result_head
+from baselines.command.provenance import result_head, revision
 from baselines.scenarios.flights import Cell, flown
 from satid_gym.evaluation import seeds
-from satid_gym.files import check_writable, replacing, write_text
+from satid_gym.files import DamagedFileError, check_writable, replacing, write_text
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.shipped import RATE_PRETRAINED
 
 _DRAWN_VALIDATED = 8
+_ANOTHER = "give another --output, or remove generations.npz"
+
+
+@dataclass
+class Generations:
+    """Generations that were flown: weights (population, features) and scores (population,), and by which revision."""
+
+    asked: list[np.ndarray] = field(default_factory=list)
+    judged: list[np.ndarray] = field(default_factory=list)
+    revisions: list[str] = field(default_factory=list)
+
+    def add(self, points: np.ndarray, scores: np.ndarray, flown_by: str) -> None:
+        """Note one more."""
+        self.asked.append(points)
+        self.judged.append(scores)
+        self.revisions.append(flown_by)
 
 
 def main(settings: Evolution) -> int:
@@ -43,29 +63,32 @@ def main(settings: Evolution) -> int:
     folder = settings.folder
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder)
-    asked, judged = _kept(settings)
-    first = settings.first
+    with cli.user_errors():
+        kept = _kept(settings)
+    first, now = settings.first, revision()
+    if others := sorted(set(kept.revisions) - {now}):
+        print(f"{folder} has generations of revision {', '.join(others)}, this is {now}: to start again, {_ANOTHER}")
     options = {"popsize": settings.population, "seed": settings.seed + 1, "verbose": -9, "maxiter": 10**9}
     search = cma.CMAEvolutionStrategy(first, settings.step, options)
-    rows, means = _curve(folder), []
+    rows, means = _curve(folder)[: len(kept.judged)], []
     with cli.on_interrupt(f"{folder} is kept: the same command goes on"), closing(Judges(settings)) as judge:
         for generation in tqdm(range(settings.generations), desc=settings.name, unit="generation"):
             points = np.array(search.ask())
-            if generation >= len(judged):
+            if generation >= len(kept.judged):
                 scores = judge([*points, search.mean, first], generation)
-                asked.append(points)
-                judged.append(np.array(scores[:-2]))
+                kept.add(points, np.array(scores[:-2]), now)
                 score, start = scores[-2:]
                 rows.append({"generation": generation, "mean": score, "start": start, "step": float(search.sigma)})
-                _keep(settings, asked, judged, rows)
-            elif not np.allclose(points, asked[generation], rtol=1e-6, atol=1e-9):
-                raise ValueError(
+                _keep(settings, kept, rows)
+            elif not np.allclose(points, kept.asked[generation], rtol=1e-6, atol=1e-9):
+                raise cli.UserError(
                     f"{folder} holds weights that this version of cma would not try: finish it with the version that "
                     "began it, or give another --output"
                 )
-            search.tell(list(asked[generation]), judged[generation].tolist())
+            search.tell(list(kept.asked[generation]), kept.judged[generation].tolist())
             means.append(search.mean.copy())
     head = result_head("agents.evolution", {**dataclasses.asdict(settings), "output": folder.name})
+    head["revisions"] = list(dict.fromkeys(kept.revisions[: settings.generations]))  # of the generations
     policy = settings.policy(np.mean(means[-settings.averaged :], axis=0), training=head)
     for path in (folder / "policy", *([RATE_PRETRAINED / settings.name] if settings.ship else [])):
         policy.save(path)
@@ -91,21 +114,31 @@ def _same(settings: Evolution) -> str:
     return json.dumps({name: value for name, value in dataclasses.asdict(settings).items() if name not in free})
 
 
-def _kept(settings: Evolution) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Weights and scores of the generations that were flown before."""
+def _kept(settings: Evolution) -> Generations:
+    """The generations that were flown before.
+
+    Raises:
+        ValueError: they are of a run with other settings, or their file is damaged.
+    """
     path = settings.folder / "generations.npz"
     if not path.is_file():
-        return [], []
-    with np.load(path, allow_pickle=False) as file:
-        if str(file["settings"]) != _same(settings):
-            raise ValueError(f"{path} is of a run with other settings: give another --output, or delete it")
-        return list(file["asked"]), list(file["judged"])
+        return Generations()
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            same, asked, judged = str(file["settings"]), list(file["asked"]), list(file["judged"])
+            revisions = file["revisions"].tolist() if "revisions" in file else ["unknown"] * len(asked)  # older files
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise DamagedFileError(f"{path} is damaged ({error}): {_ANOTHER}") from error
+    if same != _same(settings):
+        raise ValueError(f"{path} is of a run with other settings: {_ANOTHER}")
+    return Generations(asked, judged, revisions)
 
 
-def _keep(settings: Evolution, asked: list[np.ndarray], judged: list[np.ndarray], rows: list[dict[str, float]]) -> None:
+def _keep(settings: Evolution, kept: Generations, rows: list[dict[str, float]]) -> None:
     """Write the generations that were flown, and the learning curve."""
     with replacing(settings.folder / "generations.npz", ".npz") as path:
-        np.savez(path, settings=_same(settings), asked=np.array(asked), judged=np.array(judged))
+        asked, judged = np.array(kept.asked), np.array(kept.judged)
+        np.savez(path, settings=_same(settings), asked=asked, judged=judged, revisions=np.array(kept.revisions))
     lines = ["generation,mean,start,step", *(",".join(f"{value:.6g}" for value in row.values()) for row in rows)]
     write_text(settings.folder / "curve.csv", "\n".join(lines) + "\n")
 

@@ -33,7 +33,7 @@ class Judge:
         )
         given = {"features": settings.features, "settle": settings.settle}
         self._tour = CornerTour(missions(self._env.problem), settings.margin, **given)
-        self._expected = relative_error if settings.is_drawn else expected_error
+        self._expected = expected_relative_error if settings.is_drawn else expected_error
         self._settings = settings
 
     def close(self) -> None:
@@ -57,7 +57,7 @@ class Judge:
         return float(np.mean(np.log(expected / world.decisions) + self._settings.price * beyond))
 
 
-def relative_error(env: SatInertiaIDVectorEnv) -> np.ndarray:
+def expected_relative_error(env: SatInertiaIDVectorEnv) -> np.ndarray:
     """Relative error (N,) of the inertia that the filter expects, in the Frobenius norm, as `info` has the true one."""
     beliefs = env.fleet.rows.beliefs
     p = beliefs["theta_scale"].shape[1]

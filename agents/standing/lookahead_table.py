@@ -1,4 +1,4 @@
-"""Table of what looking ahead gains: `lookahead_tour` over other policies, from the standing table."""
+"""Table of what looking ahead gains: `lookahead` over other policies, from the standing table."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agents.standing.summary import Row, expected_error, rung
+from agents.standing.summary import Row, mean_expected_error, rung
 from baselines.command.markdown import table
-from satid_gym.policies.lookahead_tour import LookaheadTourPolicy
+from satid_gym.policies.lookahead import LookaheadPolicy
 
 _ALL = "all"
 HEAD = (
-    *("scenario", "satellite", "expected error, %", "over its tour", "over `filter_mpc`", "over `mpc`"),
+    *("scenario", "satellite", "expected error, %", "over its policy", "over `filter_mpc`", "over `mpc`"),
     *("over the best law", "NEES", "largest cost, %"),
 )
 
 
 def lookahead_table(results: Mapping[str, Any]) -> str:
-    """Lines for each scenario that `lookahead_tour` flies in: all satellites, and each; of the standing table."""
-    own = [row for row in results["rows"] if row["policy"] == LookaheadTourPolicy.name]
+    """Lines for each scenario that `lookahead` flies in: all satellites, and each; of the standing table."""
+    own = [row for row in results["rows"] if row["policy"] == LookaheadPolicy.name]
     lines = []
     for scenario in dict.fromkeys(row["scenario"] for row in own):
         flown = [row for row in results["rows"] if row["scenario"] == scenario]
@@ -39,9 +39,9 @@ def _line(rows: Sequence[Row]) -> list[str]:
     by_policy: dict[str, list[Row]] = {}
     for row in rows:
         by_policy.setdefault(row["policy"], []).append(row)
-    own = by_policy[LookaheadTourPolicy.name]
-    error = {name: expected_error(flown) or math.inf for name, flown in by_policy.items()}
-    ahead, tour = error[LookaheadTourPolicy.name], own[0]["settings"]["tour"]
+    own = by_policy[LookaheadPolicy.name]
+    error = {name: mean_expected_error(flown) or math.inf for name, flown in by_policy.items()}
+    ahead, base = error[LookaheadPolicy.name], own[0]["settings"]["policy"]
     law = min((name for name, flown in by_policy.items() if rung(flown[0]) == "law"), key=error.__getitem__)
     nees = [row["nees"] for row in own]
 
@@ -52,7 +52,7 @@ def _line(rows: Sequence[Row]) -> list[str]:
 
     return [
         f"{100.0 * ahead:.3g}",
-        f"`{tour}` {over(tour)}",
+        f"`{base}` {over(base)}",
         over("filter_mpc"),
         over("mpc"),
         f"`{law}` {over(law)}",

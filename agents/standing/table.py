@@ -15,25 +15,27 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import tyro
 from tqdm import tqdm
 
 from agents.standing.page import write_page
 from agents.standing.replay import replay
-from agents.standing.summary import Row, ladder, row, rung, show
+from agents.standing.summary import Row, ladder, named, row, rung, show, show_named
 from agents.standing.tasks import BOUND, ORACLE, Episodes, Task, misfit, tasks_of
 from baselines.command import cli
 from baselines.command.cluster import executor
 from baselines.command.provenance import result_head
 from baselines.scenarios.flights import Cell
+from baselines.scenarios.rivals import rivals
 from baselines.scenarios.tune import JUDGED
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import FIRST_SEED, Split
 from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import find, names, rate_names
+from satid_gym.policies.shipped import find_any, names, rate_names
+from satid_gym.policy import Policy
 from satid_gym.satellite import BENCHMARK_SATELLITES
 
 _SECONDS = {"reference": 1.0, "scripted": 1.0, "law": 1.0, "learned": 1.0, "planner": 20.0, ORACLE: 60.0, BOUND: 5.0}
@@ -48,11 +50,11 @@ class Table:
     """Scenarios to fly in."""
     satellites: tuple[str, ...] = BENCHMARK_SATELLITES
     """Satellites to fly."""
-    inertias: tuple[str, ...] = INERTIA_MODES
+    inertias: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--modes"])] = INERTIA_MODES
     """Inertia modes to fly."""
     policies: tuple[str, ...] = ()
-    """More learned policies to fly than those of the project: paths of a policy's files or of a run, or
-    NAME=PATH."""
+    """More policies to fly than those of the project: paths of a policy's files or of a run, module:name (runs the
+    module's code), or NAME= before either of the two."""
     planners: bool = True
     """Fly the planners, which take most of the time."""
     episodes: int = 16
@@ -61,7 +63,7 @@ class Table:
     """Episodes of these that the oracle flies, where a scenario has one; it takes minutes a cell."""
     cost: float = 0.01
     """Largest cost of each kind, as a share of the time."""
-    split: Split = "test"
+    split: Annotated[Split, tyro.conf.arg(aliases=["--seed-split"])] = "test"
     """Seeds of the episodes."""
     again: bool = False
     """Fly what is kept too."""
@@ -81,15 +83,15 @@ class Table:
         check_number("cost", self.cost, high=1.0)
         check_integer("episodes", self.episodes, low=2)
         check_integer("oracle", self.oracle, low=0, high=self.episodes)
-        taken: set[str] = set()
-        for policy in self.learned():
+        taken = {ORACLE, BOUND, *(name for scenario in self.scenarios for name in rivals(scenario))}
+        for policy in self.others():
             if policy.name in taken:
                 raise ValueError(f"the name {policy.name!r} is taken: give the policy another, NAME=PATH")
             taken.add(policy.name)
 
-    def learned(self) -> list[LearnedPolicy]:
-        """The learned policies."""
-        return [find(text) for text in (*names(), *rate_names(), *self.policies)]
+    def others(self) -> list[Policy]:
+        """The shipped policies, and those that are named."""
+        return [find_any(text) for text in (*names(), *rate_names(), *self.policies)]
 
     @property
     def cells(self) -> Iterator[Cell]:
@@ -104,15 +106,15 @@ class Table:
             ValueError: a rival is not tuned.
         """
         episodes = Episodes(split=self.split, count=self.episodes, oracle=self.oracle, cost=self.cost)
-        learned = self.learned()
-        found = [task for cell in self.cells for task in tasks_of(cell, episodes, learned)]
+        others = self.others()
+        found = [task for cell in self.cells for task in tasks_of(cell, episodes, others)]
         return [task for task in found if self.planners or _rung(task) != "planner"]
 
     def left_out(self) -> dict[str, dict[str, str]]:
-        """Why learned policies do not fly in a scenario, by scenario and policy."""
+        """Why policies that are no rivals do not fly in a scenario, by scenario and policy."""
         places = {s: Cell(scenario=s, satellite=self.satellites[0], inertia=self.inertias[0]) for s in self.scenarios}
         return {
-            scenario: {policy.name: why for policy in self.learned() if (why := misfit(policy, cell))}
+            scenario: {policy.name: why for policy in self.others() if (why := misfit(policy, cell))}
             for scenario, cell in places.items()
         }
 
@@ -167,8 +169,10 @@ def main(table: Table) -> int:
     cells = {name: next(cell for cell in table.cells if cell.scenario == name) for name in table.scenarios}
     episodes = {name: replay(cell, tasks, ladders[name], seeds_flown[0]) for name, cell in cells.items()}
     page = write_page(values, episodes, table.output)
+    own = [find_any(text).name for text in table.policies]
     for name, steps in ladders.items():
         show(name, steps)
+        show_named(named([r for r in rows if r["scenario"] == name], own, steps))
     revisions = sorted({r["revision"] for r in rows})
     if len(revisions) > 1:
         print(f"\nflights of several revisions ({', '.join(revisions)}): --again flies all of them again")

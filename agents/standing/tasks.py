@@ -16,14 +16,16 @@ import numpy as np
 from baselines.command.provenance import revision
 from baselines.scenarios.flights import Cell, Flown, flown
 from baselines.scenarios.oracle import PLANS, effort, search
+from baselines.scenarios.rivals import rivals
 from baselines.scenarios.tune import tuned
-from baselines.studies.performance_bound import performance_bound
+from baselines.studies.performance_bound import lacks_bound, performance_bound
 from baselines.studies.timing import TimedPolicy
-from satid_gym.estimators import MomentumEKFSettings
 from satid_gym.evaluation import Split, seeds
 from satid_gym.files import DamagedFileError, read_json, write_json
 from satid_gym.gym_api import COSTS
+from satid_gym.policies.custom import digest
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.lookahead import LookaheadPolicy
 from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES
@@ -58,7 +60,7 @@ class Task:
 
     @property
     def digest(self) -> str:
-        """Of its identity."""
+        """SHA-256 of `identity`."""
         return hashlib.sha256(json.dumps(self.identity, sort_keys=True).encode()).hexdigest()
 
     def file(self, folder: Path) -> Path:
@@ -102,14 +104,14 @@ class Episodes:
         return seeds(self.split, self.count)
 
 
-def tasks_of(cell: Cell, episodes: Episodes, learned: Sequence[LearnedPolicy]) -> list[Task]:
-    """All that flies in a cell: the scenario's rivals, the learned policies that fit it, oracle and bound.
+def tasks_of(cell: Cell, episodes: Episodes, others: Sequence[Policy]) -> list[Task]:
+    """All that flies in a cell: the scenario's rivals, the other policies that fit it, oracle and bound.
 
     Raises:
         ValueError: a rival has no tuned settings; the message says how to find them.
     """
     rows = [_policy(cell, episodes, *trial) for trial in tuned(cell.scenario, cell.satellite).values()]
-    rows += [_policy(cell, episodes, {}, p, weights=_digest(p)) for p in learned if not misfit(p, cell)]
+    rows += [_policy(cell, episodes, {}, p) for p in others if not misfit(p, cell)]
     if episodes.oracle and cell.scenario in PLANS:
         chosen = seeds(episodes.split, episodes.oracle)
         searched = {"plan": PLANS[cell.scenario].__name__, "effort": effort(cell.scenario)}
@@ -123,14 +125,14 @@ def tasks_of(cell: Cell, episodes: Episodes, learned: Sequence[LearnedPolicy]) -
                 fly=lambda: _scores(search(cell, chosen, episodes.cost), None),
             )
         )
-    if _bounded(cell.scenario):
+    if not lacks_bound(problem(cell.satellite, cell.inertia, cell.scenario)):
         identity = {**_where(cell), "policy": BOUND, "seeds": episodes.seeds}
         rows.append(Task(cell=cell, name=BOUND, kind=BOUND, identity=identity, fly=lambda: _bound(cell, episodes)))
     return rows
 
 
-def misfit(policy: LearnedPolicy, cell: Cell) -> str:
-    """Why a learned policy cannot fly there, such as another observation than it was trained for; "" where it can."""
+def misfit(policy: Policy, cell: Cell) -> str:
+    """Why a policy cannot fly there, such as another observation than it was trained for; "" where it can."""
     asked = {"control": "rate", **observation_settings(policy)}
     try:
         copy.copy(policy).reset(only_mission(problem(cell.satellite, cell.inertia, cell.scenario, **asked)), [0])
@@ -144,15 +146,11 @@ def _where(cell: Cell) -> dict[str, Any]:
     return {"scenario": world.to_dict(), "satellite": satellite.to_dict(), "inertia": cell.inertia}
 
 
-def _digest(policy: LearnedPolicy) -> str:
-    """Checksum of what decides a policy's flights: settings and weights."""
-    own = policy.margin, policy.repeat, policy.spares_modes, policy.corner_features, policy.settle
-    tensors = sorted(policy.network.tensors().items())
-    return hashlib.sha256(b"".join([repr(own).encode(), *(tensor.tobytes() for _, tensor in tensors)])).hexdigest()
-
-
-def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy, **identity: str) -> Task:
-    about = {**_where(cell), "policy": policy.name, "settings": dict(settings), "seeds": episodes.seeds, **identity}
+def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy) -> Task:
+    about = {**_where(cell), "policy": policy.name, "settings": dict(settings), "seeds": episodes.seeds}
+    decides = policy.policy if isinstance(policy, LookaheadPolicy) else policy
+    if isinstance(decides, LearnedPolicy) or policy.name not in rivals(cell.scenario):
+        about["sha256"] = digest(decides)
 
     def fly() -> dict[str, Any]:
         timed = TimedPolicy(copy.copy(policy))  # cells fly side by side
@@ -174,14 +172,6 @@ def _scores(flight: Flown, decision_ms: float | None) -> dict[str, Any]:
 
 def _short(value: float) -> float | None:
     return float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None
-
-
-def _bounded(scenario: str) -> bool:
-    """Whether the bounds hold there: they know neither modes nor tolerances nor a star tracker nor faults."""
-    world = SCENARIOS[scenario]
-    more = world.appendages, world.tolerances, world.sensors, world.operations
-    plain = all(part is None for part in more) and not world.faults.possible
-    return plain and isinstance(world.estimator, MomentumEKFSettings)
 
 
 def _bound(cell: Cell, episodes: Episodes) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class Combination:
     run: Path | None = None
     """Folder to write to; runs/NAME-combined-SEED by default."""
     seed: int = 0
-    """Of the network and the order of the answers."""
+    """Seed of the network and of the order of the answers."""
     epochs: int = 12
     """Passes over all answers."""
 

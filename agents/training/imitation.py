@@ -30,7 +30,7 @@ from agents.training.run import Run, RunOptions, network_of
 from agents.training.settings import RESTART
 from agents.training.teacher import Answers, TeacherSettings, answers, fly_round, save_round
 from baselines.command import cli
-from satid_gym.config import check_integer
+from satid_gym.config import check_integer, check_number
 from satid_gym.files import read_json, write_json
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
@@ -54,7 +54,7 @@ class ImitationSettings(TeacherSettings):
     """Factors on the wheels' speed limit; each satellite is flown with each (0.1: as in scenario "tight", which
     has that factor already and takes 1 alone)."""
     margin: float = 2.75
-    """Of the rate loop, in standard deviations of one decision's noise."""
+    """Margin of the rate loop, in standard deviations of one decision's noise."""
     epochs: int = 20
     """Passes over all decisions in the last fit."""
     round_epochs: int = 6
@@ -72,6 +72,7 @@ class ImitationSettings(TeacherSettings):
         super().__post_init__()
         for name in ("epochs", "round_epochs", "batch_size"):
             check_integer(name, getattr(self, name))
+        check_number("learning_rate", self.learning_rate, strict=True)
 
     @property
     def actions(self) -> str:

@@ -13,7 +13,8 @@ from agents.training.clocks import set_clocks
 from agents.training.run import Run, network_of
 from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.sb3.switches import FIRST_LOGIT, with_reversals, with_switches
-from agents.training.settings import RLSettings
+from agents.training.settings import RLSettings, policy_of
+from satid_gym.config import check_integer, check_number
 from satid_gym.policies.learned import LearnedPolicy
 
 
@@ -26,17 +27,17 @@ class PPOSettings(RLSettings):
     name: str = "ppo"
     """What tables call the policy."""
     rollout: int = 50
-    """Decisions of each environment between two updates."""
+    """Commands of each environment between two updates."""
     epochs: int = 5
     """Passes over a rollout."""
     learning_rate: float = 2e-3
-    """At the start."""
+    """Learning rate at the start."""
     final_learning_rate: float = 5e-5
-    """At the end; linear between."""
+    """Learning rate at the end; linear between."""
     gae_lambda: float = 0.8
-    """Of generalised advantage estimation."""
+    """Lambda of generalised advantage estimation."""
     clip_range: float = 0.2
-    """Of PPO's ratio."""
+    """Clip range of PPO's ratio."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
     log_std: float = 0.5
@@ -48,6 +49,13 @@ class PPOSettings(RLSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for name, low in (("rollout", 1), ("epochs", 1), ("batch_size", 2)):
+            check_integer(name, getattr(self, name), low=low)
+        for name in ("learning_rate", "clip_range"):
+            check_number(name, getattr(self, name), strict=True)
+        for name in ("final_learning_rate", "entropy"):
+            check_number(name, getattr(self, name))
+        check_number("gae_lambda", self.gae_lambda, high=1.0)
         if (self.num_envs * self.rollout) % self.batch_size:
             raise ValueError(
                 f"batch_size must divide num_envs * rollout = {self.num_envs * self.rollout}, got {self.batch_size}"
@@ -65,17 +73,7 @@ def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
         network = with_reversals(network, model.get_env().vector_env.problem.layout["command"])
     elif s.switches:
         network = with_switches(network)
-    return LearnedPolicy(
-        s.name,
-        network,
-        s.control,
-        s.margin,
-        s.include_covariance,
-        observation=s.observation,
-        include_walk=s.include_walk,
-        repeat=s.repeat,
-        spares_modes=s.spares_modes,
-    )
+    return policy_of(network, s)
 
 
 def train(run: Run) -> PPO:

@@ -10,7 +10,7 @@ from stable_baselines3 import SAC
 
 from agents.training.run import Run, network_of
 from agents.training.sb3.loop import AfterUpdate, Training, environment
-from agents.training.settings import RLSettings
+from agents.training.settings import RLSettings, policy_of
 from satid_gym.config import check_integer, check_number
 from satid_gym.policies.learned import LearnedPolicy
 
@@ -40,7 +40,7 @@ class SACSettings(RLSettings):
     warmup: int = 5_000
     """Decisions at random before the first update."""
     learning_rate: float = 1e-3
-    """Of actor, critics and entropy weight."""
+    """Learning rate of actor, critics and entropy weight."""
     tau: float = 0.005
     """Share by which the target critics follow the critics in a gradient step."""
     entropy: float = 0.05
@@ -51,7 +51,9 @@ class SACSettings(RLSettings):
         for name in ("rollout", "gradient_steps", "warmup"):
             check_integer(name, getattr(self, name))
         check_integer("buffer", self.buffer, low=self.num_envs)
-        check_number("entropy", self.entropy, strict=True)
+        for name in ("learning_rate", "entropy"):
+            check_number(name, getattr(self, name), strict=True)
+        check_number("tau", self.tau, strict=True, high=1.0)
 
 
 class ExcitationSAC(AfterUpdate, SAC):
@@ -61,16 +63,7 @@ class ExcitationSAC(AfterUpdate, SAC):
 def learned_policy(model: SAC, settings: SACSettings) -> LearnedPolicy:
     """The model's mean action, squashed by tanh, as a policy."""
     network = network_of([*model.actor.latent_pi, model.actor.mu], activation="relu", squashed=True)
-    s = settings
-    return LearnedPolicy(
-        s.name,
-        network,
-        s.control,
-        s.margin,
-        s.include_covariance,
-        observation=s.observation,
-        include_walk=s.include_walk,
-    )
+    return policy_of(network, settings)
 
 
 def train(run: Run) -> SAC:

@@ -16,7 +16,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from agents.training.run import condensed, merit, validate
+from agents.training.run import SHOWN, condensed, merit, validate
 from agents.training.settings import RESTART, Task
 from agents.training.train import SETTINGS
 from baselines.command import cli
@@ -27,7 +27,7 @@ from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.shipped import PRETRAINED, RATE_PRETRAINED, find
 
-_SHOWN = ("final_error", "mean_error", "outside_fraction")
+_SAME = ("satellites", "inertia", "scenario", "actions", "judged_by")  # of runs to choose among
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class SeedSelection:
 
 
 def ratios(policies: Sequence[LearnedPolicy], against: LearnedPolicy, settings: Task, episodes: int) -> np.ndarray:
-    """Final and mean error over those of another policy, and the time outside, by policy and cell: (P, cells, 3).
+    """Final and mean error over those of another policy, time outside and cost, by policy and cell: (P, cells, 4).
 
     A cell is a satellite with one of the inertia modes; each has its share of the episodes.
     """
@@ -70,9 +70,9 @@ def ratios(policies: Sequence[LearnedPolicy], against: LearnedPolicy, settings: 
 
     def flown(policy: LearnedPolicy) -> np.ndarray:
         rows = [row for mode in modes for row in validate(policy, mode, episodes // len(modes))]
-        return np.array([[row[name] for name in _SHOWN] for row in rows])
+        return np.array([[row[name] for name in SHOWN] for row in rows])
 
-    reference = flown(against) * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0]
+    reference = flown(against) * [1.0, 1.0, 0.0, 0.0] + [0.0, 0.0, 1.0, 1.0]
     return np.array([flown(policy) / reference for policy in tqdm(policies, unit=" runs", disable=None)])
 
 
@@ -87,6 +87,20 @@ def _training(policy: LearnedPolicy) -> Task:
         return SETTINGS[trained["method"]].from_dict(trained["settings"])
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"policy {policy.name} does not say how it was trained ({error!r}): train it") from error
+
+
+def check_same(runs: Sequence[Path], trained: Sequence[Task]) -> None:
+    """Refuse runs whose scores are not of one world, or that are judged by different ones.
+
+    Raises:
+        ValueError: two differ in satellites, inertia, scenario, what actions are, or what judges them.
+    """
+    for run, own in zip(runs, trained, strict=True):
+        others = [name for name in _SAME if getattr(own, name) != getattr(trained[0], name)]
+        if others:
+            raise ValueError(
+                f"{run} was trained with other {', '.join(others)} than {runs[0]}: choose among runs of one setting"
+            )
 
 
 def _origin(run: Path) -> dict[str, Any]:
@@ -109,30 +123,26 @@ def main(selection: SeedSelection) -> int:
         other = None if selection.against is None else find(selection.against)
         trained = [_training(policy) for policy in policies]
         origins = [_origin(run) for run in selection.runs]
-        satellites = [satellite.name for satellite in trained[0].satellites]
-        if any([satellite.name for satellite in settings.satellites] != satellites for settings in trained):
-            raise ValueError("the runs were trained for different satellites: choose among runs of one setting")
+        check_same(selection.runs, trained)
     pairs = tqdm(list(zip(policies, trained, strict=True)), unit=" runs", disable=None)
     rows = [validate(policy, settings, selection.episodes) for policy, settings in pairs]
     shown_rows = [condensed(run) for run in rows]
-    scores = np.array([[[row[name] for name in _SHOWN] for row in run] for run in shown_rows])
-    print(
-        f"{'':24s}"
-        + "".join(f"{row['satellite']:>24s}" for row in shown_rows[0])
-        + "   final, mean error, outside in %"
-    )
+    scores = np.array([[[row[name] for name in SHOWN] for row in run] for run in shown_rows])
+    heads = "".join(f"{row['satellite']:>30s}" for row in shown_rows[0])
+    print(f"{'':24s}{heads}   final, mean error, outside, cost in %")
     for run, score in zip(selection.runs, scores, strict=True):
         print(f"{run.name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in score))
     for name, statistic in (("mean", scores.mean(axis=0)), ("std", scores.std(axis=0, ddof=min(1, len(rows) - 1)))):
         print(f"{name:24s}" + "".join("   " + " ".join(f"{100 * v:6.4f}" for v in cell) for cell in statistic))
     if other is not None:
         found = ratios(policies, other, trained[0], selection.episodes)
-        print(f"over {other.name}, mean and largest of {found.shape[1]} cells: final error, mean error; outside in %")
+        print(f"over {other.name}, mean and largest of {found.shape[1]} cells: final, mean error; outside, cost in %")
         for run, cells in zip(selection.runs, found, strict=True):
-            shown = np.stack([cells.mean(axis=0), cells.max(axis=0)]) * [1.0, 1.0, 100.0]
+            shown = np.stack([cells.mean(axis=0), cells.max(axis=0)]) * [1.0, 1.0, 100.0, 100.0]
             print(f"{run.name:24s}" + "".join(f"   {mean:.3f} {most:.3f}" for mean, most in shown.T))
     best = int(np.argmin([merit(run, trained[0].judged_by) for run in rows]))
-    print(f"best by final and mean error: {selection.runs[best]}")
+    measure = "reward" if trained[0].judged_by == "reward" else "final and mean error"
+    print(f"best by {measure}: {selection.runs[best]}")
     if selection.ship:
         policy = policies[best]
         policy.details["trained"] = {**origins[best], **policy.details["trained"]}

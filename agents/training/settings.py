@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
-from satid_gym.config import Config, check_integer
+from satid_gym.config import Config, check_integer, check_number
 from satid_gym.core.observation import Form
 from satid_gym.drawn_satellite import draw_satellites
-from satid_gym.evaluation import seeds
+from satid_gym.evaluation import SPLIT_SIZE, seeds
 from satid_gym.files import DamagedFileError, read_json
-from satid_gym.policies.learned import check_name
+from satid_gym.policies.learned import LearnedPolicy, check_name
+from satid_gym.policies.network import Network
 from satid_gym.problem import problem
 from satid_gym.resolution import resolve_satellites
 from satid_gym.reward import RewardSettings, reward_settings
@@ -46,7 +47,7 @@ class Task(Config):
     """What tables call the policy."""
     satellite: str = "random"
     """Satellite to train on: a name, a .json or .toml file, or module:name (runs the module's code); "random" draws
-    from all three, "drawn" from as many as `drawn` satellites of any kind."""
+    from the three of the benchmark, "drawn" from `drawn` random satellites."""
     drawn: int = 512
     """Satellites of `satid_gym.draw_satellites` that "drawn" trains on, drawn with training seeds."""
     drawn_wheels: int = 4
@@ -60,22 +61,29 @@ class Task(Config):
     scenario: str = "default"
     """The world to train in: a name, a .json or .toml file, or module:name (runs the module's code)."""
     margin: float = 2.6
-    """Of the rate loop, in standard deviations of one decision's noise."""
+    """Margin of the rate loop, in standard deviations of one decision's noise."""
     hidden: tuple[int, ...] = (64, 64)
     """Layers of the network."""
     seed: int = 0
-    """Of environments, network and exploration."""
+    """Seed of environments, network and exploration."""
     evaluation_episodes: int = 32
     """Episodes of an evaluation on validation seeds, on each satellite."""
     judged_by: Literal["errors", "reward"] = "errors"
-    """What chooses among a run's policies, on validation seeds: final and mean error, or the reward, where an unknown
-    unit that no excitation finds is most of the errors (scenario "calibration")."""
+    """What chooses among a run's policies, on validation seeds: final and mean error, times the excess of the cost over
+    1 %; or the reward, where an unknown unit that no excitation finds is most of the errors ("calibration")."""
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
             object.__setattr__(self, f.name, self._from_json(f.name, getattr(self, f.name)))
         super().__post_init__()
         check_name(self.name)
+        check_number("margin", self.margin)
+        check_integer("seed", self.seed, low=0)
+        check_integer("evaluation_episodes", self.evaluation_episodes)
+        if not self.hidden:
+            raise ValueError("hidden must name the units of at least one layer, such as --hidden 64 64, got none")
+        for units in self.hidden:
+            check_integer("hidden", units)
         world = problem(self.pool(), self.inertia, self.scenario).scenario  # refuses what is no world
         if world.wheel_speed_scale != 1.0 and set(self.wheel_scales) != {1.0}:
             scales = ", ".join(f"{scale * world.wheel_speed_scale:g}" for scale in self.wheel_scales)
@@ -87,7 +95,7 @@ class Task(Config):
 
     @staticmethod
     def _from_json(name: str, value: Any) -> Any:
-        """A field's value; a definition of one's own becomes text that no longer depends on its file."""
+        """A field's value; a custom definition becomes text that no longer depends on its file."""
         if isinstance(value, list):
             return tuple(value)
         if name in _OWN and isinstance(value, Mapping):
@@ -122,7 +130,7 @@ class Task(Config):
         return "torque"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values; what is one's own in full."""
+        """Plain values; custom definitions in full."""
         values = super().to_dict()
         return values | {kind: json.loads(values[kind]) for kind in _OWN if values[kind].startswith("{")}
 
@@ -184,35 +192,53 @@ class RLSettings(Task):
     reward: RewardSettings = field(default_factory=lambda: RewardSettings(held_reference=22.0))
     """What pays in training."""
     steps: int = 1_000_000
-    """Decisions to train for, all environments together."""
+    """Commands to train for, all environments together; each is of `repeat` decisions."""
     num_envs: int = 64
     """Environments side by side."""
     batch_size: int = 800
-    """Decisions in a minibatch."""
+    """Commands in a minibatch."""
     gamma: float = 0.9
-    """Discount."""
+    """Discount from a command to the next."""
     evaluate_every: int = 200_000
-    """Decisions between evaluations on validation seeds."""
+    """Commands between evaluations on validation seeds."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reward", reward_settings(self.reward))
         super().__post_init__()
         if self.tracked and self.control != "rate":
-            raise ValueError("tracked is of rates: a network that commands torque needs --control rate for it")
+            raise ValueError("--tracked needs --control rate")
         if self.observation == "body" and self.control == "rate" and not self.tracked:
             raise ValueError("the policy's own rate loop needs the speed of each wheel: add --tracked for body")
         if self.spares_modes and not (self.tracked and self.observation == "body"):
             raise ValueError("modes are spared where they are observed: add --tracked --observation body")
         if self.switches and (self.control != "rate" or self.algorithm != "ppo"):
-            raise ValueError("switches are of rates that PPO commands: train with --control rate and PPO")
+            raise ValueError("--switches needs --control rate and PPO")
         if self.reversals and not (self.switches and self.tracked):
             raise ValueError("reversals need the command in the observation: add --switches --tracked")
         if self.repeat > 1 and not self.switches:
             raise ValueError("commands are repeated where they are switches: add --switches, or leave repeat at 1")
         for name in ("repeat", "steps", "num_envs", "batch_size", "evaluate_every"):
             check_integer(name, getattr(self, name))
+        check_number("gamma", self.gamma, high=1.0)
+        check_integer("seed", self.seed, low=0, high=SPLIT_SIZE // self.num_envs - 1)  # each has seeds of its own
 
     @property
     def actions(self) -> str:
         """What actions of the environment are, its `control`."""
         return "rate" if self.tracked else "torque"
+
+
+def policy_of(network: Network, settings: RLSettings) -> LearnedPolicy:
+    """The network as a policy that flies as it was trained."""
+    s = settings
+    return LearnedPolicy(
+        s.name,
+        network,
+        s.control,
+        s.margin,
+        s.include_covariance,
+        observation=s.observation,
+        include_walk=s.include_walk,
+        repeat=s.repeat,
+        spares_modes=s.spares_modes,
+    )

@@ -33,6 +33,7 @@ from satid_gym.policy import missions
 from satid_gym.satellite import Satellite
 
 Answers = tuple[np.ndarray, np.ndarray]  # observations (D, size) and side values (D, 3) of the plus side
+_STREAM = 6  # of who flies an episode: its seed alone is the environment's, with 5 a drawn satellite's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,8 +54,8 @@ class TeacherSettings(Task):
     """Steps of the teacher's forecast in each decision."""
     walks: tuple[float, ...] = (ADAPTIVE_WALK, ADAPTIVE_WALK, 0.0003, 0.004)
     """What the teacher plans with where the filter is an AdaptiveEKF, by inertia mode (static, step, drift, periodic):
-    random walk of the inertia, per sqrt(s). It is told the mode, the network is not. For a law of one's own it plans
-    with the first."""
+    random walk of the inertia, per sqrt(s). It is told the mode, the network is not. For a custom law it plans with
+    the first."""
     tracked: bool = False
     """Whether the environment's own rate loop flies the rates (its `control="rate"`). The network then sees the wheels
     by what they do to the body, and the random walk that the filter uses."""
@@ -78,10 +79,12 @@ class TeacherSettings(Task):
         """What actions of the environment are, its `control`."""
         return "rate" if self.tracked else "torque"
 
-    def places(self, i: int) -> range:
-        """Places in the pool of the satellites that are flown in round i: all, of drawn ones a share for each round."""
-        count = len(self.pool())
-        return range(i, count, self.rounds) if self.satellite == DRAWN else range(count)
+    def places(self, i: int) -> range | list[int]:
+        """Places in the pool of what is flown in round i: all, of drawn satellites a share for each round."""
+        if self.satellite != DRAWN:
+            return range(len(self.pool()))
+        scales = len(self.wheel_scales)  # each satellite has a place with each
+        return [scales * own + k for own in range(i, self.drawn, self.rounds) for k in range(scales)]
 
     @property
     def observed(self) -> dict[str, Any]:
@@ -94,22 +97,33 @@ class TeacherSettings(Task):
         """Inertia modes that are flown."""
         return INERTIA_MODES if self.inertia == "random" else (self.inertia,)
 
+    def modes_at(self, place: int, i: int) -> tuple[str, ...]:
+        """Inertia modes that a place of the pool flies in round i: all, a drawn satellite one, the next the next one.
 
-def teach(network: Network | None, satellite: Satellite, settings: TeacherSettings, flown: int) -> Answers:
-    """Fly episodes, shared evenly among the inertia modes, and ask the teacher at every decision.
+        It flies that one with every factor on its wheels, so that all pairs of mode and factor are flown.
+        """
+        if self.satellite != DRAWN:
+            return self.modes
+        turn = place // len(self.wheel_scales) // self.rounds + i + self.seed
+        return (self.modes[turn % len(self.modes)],)
+
+
+def teach(
+    network: Network | None, satellite: Satellite, modes: Sequence[str], settings: TeacherSettings, skip: int
+) -> Answers:
+    """Fly episodes, shared evenly among inertia modes, and ask the teacher at every decision.
 
     Args:
         network: flies all but the share that the teacher does; None lets the teacher fly all.
         satellite: to fly.
+        modes: how its inertia varies.
         settings: of the run.
-        flown: how many of the training seeds to pass over, for others have had them.
+        skip: how many of the training seeds to pass over, for others have had them.
 
     Returns:
         Observations (D, size) and the advantages (D, 3) of the plus side, see `Planner.side_value`; float32.
     """
-    chosen, modes = seeds("training", settings.episodes, flown), settings.modes
-    if settings.satellite == DRAWN:
-        modes = (modes[flown // settings.episodes % len(modes)],)
+    chosen = seeds("training", settings.episodes, skip)
     shares = [(mode, chosen[i :: len(modes)]) for i, mode in enumerate(modes)]
     said = [_teach(network, satellite, mode, settings, share) for mode, share in shares]
     return np.concatenate([x for x, _ in said]), np.concatenate([y for _, y in said])
@@ -130,7 +144,7 @@ def _teach(
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)
     planned = observation if beside is None else beside.reset(seed=chosen)[0]
-    taught = np.random.default_rng([chosen[0], 5]).random((len(chosen), 1)) < settings.taught
+    taught = np.random.default_rng([chosen[0], _STREAM]).random((len(chosen), 1)) < settings.taught
     alive = np.ones(len(chosen), bool)
     observations, advantages = [], []
     for _ in range(mission.scenario.decisions):
@@ -142,16 +156,16 @@ def _teach(
         observation, _, terminated, *_ = env.step(actions)
         planned = observation if beside is None else beside.step(actions)[0]
         alive &= ~terminated
-    for flown in (env, beside):
-        if flown is not None:
-            flown.close()
+    for used in (env, beside):
+        if used is not None:
+            used.close()
     return np.concatenate(observations), np.concatenate(advantages)
 
 
 def fly_round(
-    network: Network | None, settings: TeacherSettings, i: int, flown: Callable[[], object] = lambda: None
+    network: Network | None, settings: TeacherSettings, i: int, on_flight: Callable[[], object] = lambda: None
 ) -> Answers:
-    """Flights of round i, satellites side by side, on seeds that no other round has; `flown` is called after each.
+    """Flights of round i, satellites side by side, on seeds that no other round has; `on_flight` is called after each.
 
     Of drawn satellites each round has its own share.
     """
@@ -159,8 +173,9 @@ def fly_round(
     places = s.places(i)
 
     def fly(place: int) -> Answers:
-        said = teach(network, pool[place], s, ((s.seed * s.rounds + i) * len(pool) + place) * s.episodes)
-        flown()
+        skip = ((s.seed * s.rounds + i) * len(pool) + place) * s.episodes
+        said = teach(network, pool[place], s.modes_at(place, i), s, skip)
+        on_flight()
         return said
 
     with ThreadPoolExecutor(os.cpu_count()) as executor:

@@ -2,6 +2,7 @@
 
     python -m agents.train --settings ppo                   the shipped PPO policy again
     python -m agents.train --settings sac                   Soft Actor-Critic
+    python -m agents.train --settings mine.json             settings of your own, like agents/training/configs/*.json
     python -m agents.train --satellite microsat --steps 200000
     python -m agents.train --run runs/ppo-0 --resume        go on after a stop
     python -m agents.train --settings ppo sac --seeds 0 1 2 --ray auto   six runs, on a Ray cluster
@@ -37,16 +38,27 @@ TRAIN: dict[str, Callable[[Run], Any]] = {"ppo": ppo.train, "sac": sac.train, "i
 
 
 def named(name: str) -> Task:
-    """Settings kept in agents/training/configs/NAME.json; its "algorithm" says of which one, PPO by default.
+    """Settings by name, of agents/training/configs/NAME.json, or from the path of a .json file.
+
+    A file's "algorithm" says of which one they are, PPO by default, and its "name" what the policy is called, that of
+    the file by default.
 
     Raises:
-        ValueError: there are none of that name.
+        ValueError: there are none of that name, or the file is missing or has invalid content.
     """
-    names = sorted(path.stem for path in CONFIGS.glob("*.json"))
-    if name not in names:
-        raise unknown_name("training settings", name, names)
-    values = read_json(CONFIGS / f"{name}.json", "restore it from the repository")
-    return SETTINGS[values.pop("algorithm", "ppo")].from_dict(values)
+    path, names = Path(name), sorted(path.stem for path in CONFIGS.glob("*.json"))
+    if path.suffix.lower() != ".json":
+        if name not in names:
+            raise ValueError(f"{unknown_name('training settings', name, names)} Or the path of a .json file.")
+        path = CONFIGS / f"{name}.json"
+    values = {"name": path.stem, **read_json(path, f"give a .json file of training settings, or one of {names}")}
+    algorithm = values.pop("algorithm", "ppo")
+    if algorithm not in list(SETTINGS):
+        raise unknown_name(f"algorithm in {path}", algorithm, SETTINGS)
+    try:
+        return SETTINGS[algorithm].from_dict(values)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def resumed(folder: Path) -> Task:
@@ -66,8 +78,8 @@ class TrainingOptions(RunOptions):
     """Where settings come from, where the run goes, and any training setting by its name."""
 
     settings: tuple[str, ...] = ()
-    """Named settings to start from (agents/training/configs/*.json); they also choose the algorithm. Several: a run of
-    each."""
+    """Settings to start from: names (agents/training/configs/*.json), or paths of .json files like those; they also
+    choose the algorithm. Several: a run of each."""
     seeds: tuple[int, ...] = ()
     """A run of each of these seeds, in place of --seed. Of several runs, the same command again goes on with those that
     were stopped."""
@@ -106,7 +118,14 @@ class TrainingOptions(RunOptions):
             starts = [named(name) for name in known.settings or ()] or [PPOSettings()]
         config = (tyro.conf.AvoidSubcommands,)  # the algorithm is chosen already
         options = [
-            tyro.cli(cls, args=arguments, default=cls(training=start), description=__doc__, config=config)  # type: ignore[arg-type]
+            tyro.cli(  # type: ignore[arg-type]
+                cls,
+                prog=cli.program(),
+                args=arguments,
+                default=cls(training=start),  # type: ignore[arg-type]
+                description=__doc__,
+                config=config,
+            )
             for start in starts
         ]
         runs = [o.training.replace(seed=seed) for o in options for seed in o.seeds or (o.training.seed,)]

@@ -9,7 +9,6 @@ satellite, and the same command goes on after a stop.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,14 @@ import numpy as np
 from tqdm import tqdm
 
 from agents.unseen.flights import Row, by_satellite, episodes_of, flown, inside, policy_of, ratios
-from baselines.command import cli
+from baselines.command import cells, cli
 from baselines.command.provenance import result_head
 from satid_gym.config import check_integer, check_names
 from satid_gym.drawn_satellite import SatelliteRanges, draw_satellites
 from satid_gym.evaluation import FIRST_SEED, Split, seeds
 from satid_gym.files import check_writable, read_json, write_json
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.custom import digest
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 
@@ -43,15 +43,17 @@ class Unseen:
     wheels: tuple[int, int] = SatelliteRanges().wheels
     """Least and largest number of their wheels. Each number is compiled by itself, which takes a minute or two."""
     episodes: int = 4
-    """Episodes of each with each inertia law."""
+    """Episodes with each inertia law."""
     planned: int = 1
-    """The same for planners."""
+    """Episodes of a planner with each inertia law."""
     split: Split = "test"
     """Seeds of satellites and episodes: test, or validation to choose by."""
     tuned: Path = TUNED
     """Settings of baselines, of `python -m agents.unseen.tune`."""
+    again: bool = False
+    """Fly again what the file has."""
     output: Path = Path("results/unseen.json")
-    """File to write; what it holds of the same comparison already is not flown again."""
+    """File to write; what it holds of the same comparison is not flown again."""
 
     def check(self) -> None:
         """Check the settings before any work.
@@ -75,26 +77,20 @@ class Unseen:
         Raises:
             ValueError: one is unknown, or two have a name.
         """
-        chosen = read_json(self.tuned, "run python -m agents.unseen.tune", keys=["chosen"])["chosen"]
+        chosen = self.chosen()
         found = {policy.name: policy for policy in (policy_of(name, chosen) for name in self.policies)}
         if len(found) < len(self.policies):
             raise ValueError(f"policies must have different names, got {self.policies}: give one another, NAME=PATH")
         return found
 
+    def chosen(self) -> dict[str, dict[str, Any]]:
+        """Settings of the baselines that were tuned."""
+        return dict(read_json(self.tuned, "run python -m agents.unseen.tune", keys=["chosen"])["chosen"])
 
-def kept(settings: Unseen, head: dict[str, Any]) -> list[Row]:
-    """Rows of a file of the same comparison; none where there is no such file.
-
-    Raises:
-        ValueError: the file holds another comparison.
-    """
-    if not settings.output.exists():
-        return []
-    held = read_json(settings.output, "remove it, and the comparison starts again", keys=["settings", "rows"])
-    same = ("episodes", "planned", "split", "wheels")
-    if any(held["settings"].get(name) != json.loads(json.dumps(head["settings"][name])) for name in same):
-        raise ValueError(f"{settings.output} holds a comparison with other {', '.join(same)}: give another --output")
-    return held["rows"]
+    def identities(self) -> dict[str, Any]:
+        """What decides the flights of each policy: settings of a baseline that was tuned, else `digest`."""
+        chosen, entrants = self.chosen(), self.entrants()
+        return {p.name: chosen.get(text) or digest(p) for text, p in zip(self.policies, entrants.values(), strict=True)}
 
 
 def summary(rows: list[Row], first: str) -> list[dict[str, Any]]:
@@ -142,11 +138,12 @@ def main(settings: Unseen) -> int:
     with cli.user_errors():
         policies = settings.entrants()
         chosen = seeds(settings.split, settings.satellites)
-        head = result_head("agents.unseen.compare", settings, split=settings.split, seeds=chosen)
-        rows = kept(settings, head)
+        used = {**vars(settings), "identities": settings.identities()}
+        head = result_head("agents.unseen.compare", used, split=settings.split, seeds=chosen, output=settings.output)
+        rows = cells.kept(settings.output, head, "rows", again=settings.again)
     first = next(iter(policies))
     done = {(row["satellite"], row["policy"]) for row in rows}
-    with cli.on_interrupt("the same command goes on"):
+    with cli.on_interrupt(cells.GOES_ON):
         for i, satellite in enumerate(tqdm(settings.drawn(), desc="unseen", unit="satellite")):
             missing = [policy for policy in policies.values() if (satellite.name, policy.name) not in done]
             for policy in missing:

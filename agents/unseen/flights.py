@@ -46,12 +46,12 @@ def episodes_of(name: str, episodes: int, planned: int) -> int:
     return min(planned, episodes) if name in (*PLANNERS, *RATE_PLANNERS) else episodes
 
 
-def by_satellite(rows: Sequence[Row], policy: str, score: str, first: int | None = None) -> dict[str, float]:
-    """Mean score of a policy by satellite, over laws and their episodes, of each law the `first` or all."""
+def by_satellite(rows: Sequence[Row], policy: str, score: str) -> dict[str, float]:
+    """Mean score of a policy by satellite, over laws and their episodes."""
     found: dict[str, list[float]] = {}
     for row in rows:
         if row["policy"] == policy:
-            found.setdefault(row["satellite"], []).append(float(np.mean(row[score][:first])))
+            found.setdefault(row["satellite"], []).append(float(np.mean(row[score])))
     return {satellite: float(np.mean(values)) for satellite, values in found.items()}
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from agents.docs.readme import RESULTS
+from agents.docs.readme import REMEDY, RESULTS
 from baselines.command.markdown import table
 from satid_gym.files import read_json
 
 
 def unseen() -> str:
     """The committed comparison."""
-    remedy = "run python -m agents.unseen.compare --output docs/results/unseen.json"
-    return unseen_table(read_json(RESULTS / "unseen.json", remedy, keys=("summary", "settings", "revision")))
+    return unseen_table(read_json(RESULTS / "unseen.json", REMEDY, keys=("summary", "settings", "revision")))
 
 
 def unseen_table(results: Mapping[str, Any]) -> str:

@@ -106,9 +106,7 @@ def _panel(rollout: Rollout, width: int) -> Panel:
     foot.add_column()
     foot.add_column(justify="right")
     foot.add_row(information, outside)
-    state = (
-        " ended: far outside the rate limits " if rollout.terminated else f" {rollout.policy.kind.replace('_', ' ')} "
-    )
+    state = f" {rollout.ending or rollout.policy.kind.replace('_', ' ')} "
     return Panel(
         Group(rows, foot), title=Text(f" {rollout.name} ", "bold cyan"), subtitle=state, box=box.ROUNDED, width=width,
         border_style="red" if rollout.terminated else "grey50",

@@ -96,7 +96,7 @@ def _titles(rollouts: Sequence[Rollout], width: float, scale: float) -> np.ndarr
         canvas.text((right, 17.0), f"error {100 * rollout.error:.3f} %", colour, 16.0, "right")
         status = f"outside limits {100 * rollout.outside:.1f} % of the time"
         if rollout.terminated:
-            status = "ended: far outside the rate limits"
+            status = rollout.ending
         canvas.text((right, 36.0), status, ALARM if rollout.terminated else MUTED, 11.0, "right")
     return canvas.pixels()
 

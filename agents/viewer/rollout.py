@@ -8,17 +8,16 @@ from typing import Annotated, Literal
 import numpy as np
 import tyro
 
-from agents.benchmark.entrants import Prepared, learned
-from baselines import BASELINES
+from agents.benchmark.entrants import entrant
 from baselines.command.options import ScenarioText
 from baselines.scenarios.flights import unit_free_error
-from baselines.scenarios.rivals import rivals
-from baselines.scenarios.tune import JUDGED, tuned_rival
+from baselines.tuning.by_rates import all_baselines
+from baselines.tuning.prepared import Prepared
+from satid_gym.commands.ending import early_end
 from satid_gym.config import check_number
 from satid_gym.env import SatInertiaIDEnv
 from satid_gym.evaluation import FIRST_SEED, benchmark_scenario
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
-from satid_gym.policies.registry import RATE_BASELINES, build
 from satid_gym.policy import Policy, observation_settings, only_mission, show_filter
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
@@ -38,7 +37,8 @@ class Rollout:
     Attributes:
         info: of the last decision.
         over: whether the episode has ended.
-        terminated: whether it ended early, far outside the rate limits.
+        terminated: whether it ended early, far outside the limits of rates or deflections.
+        ending: time and cause of an early end, else empty.
         history: by name, one entry at the start and one per decision: relative_error, in units of the rotors' inertia
             where that is not known exactly; measured rate and wheel_speed over their limits; std, the filter's
             standard deviation of each moment relative to its prior; outside, share of the time; information, gained
@@ -49,7 +49,7 @@ class Rollout:
         self.policy, self.env = policy, env
         policy.reset(only_mission(env.problem), [seed])
         self._observation, self.info = env.reset(seed=seed)
-        self.over = self.terminated = False
+        self.over, self.terminated, self.ending = False, False, ""
         self.history: dict[str, list] = {
             name: [] for name in ("relative_error", "rate", "wheel_speed", "std", "outside", "information")
         }
@@ -64,6 +64,7 @@ class Rollout:
         action = self.policy(self._observation[None])[0]
         self._observation, _, self.terminated, truncated, self.info = self.env.step(action)
         self.over = self.terminated or truncated
+        self.ending = early_end(self.env) if self.terminated else ""
         self._note()
 
     def _note(self) -> None:
@@ -104,7 +105,8 @@ class Pairing:
     """Two policies and the episode that both fly, with the same truth and noise."""
 
     policy: tyro.conf.Positional[str]
-    """Policy: a shipped policy's name, a baseline, the path of a policy's files or of a run's folder, or NAME=PATH."""
+    """Policy: a shipped policy's name, a baseline, the path of a policy's files or of a run's folder, module:name (runs
+    the module's code), or NAME= before either of the two."""
     beside: Annotated[str, tyro.conf.arg(aliases=("--profile",))] = "multi_step"
     """Second policy, shown next to the first; given in the same way."""
     satellite: str = "microsat"
@@ -170,21 +172,7 @@ class Pairing:
         return first, second
 
     def _policy(self, text: str, satellite: Satellite, place: tuple[str, Scenario]) -> Policy:
-        """A baseline with its settings for what it commands here, or a learned policy."""
-        scenario = place[1]
-        if self.control == "torque":
-            if text in RATE_BASELINES:
-                raise ValueError(f"{text} commands body rates: add --control rate")
-            constants = [(self.satellite, satellite)]
-            return self.prepared.policy(text, satellite, place, constants) if text in BASELINES else learned(text)
-        if scenario.name in JUDGED and text in rivals(scenario.name):
-            return tuned_rival(scenario.name, satellite.name, text)[1]
-        if text not in BASELINES and text not in RATE_BASELINES:
-            return learned(text)
-        try:
-            return build(text, {})
-        except TypeError as error:
-            raise ValueError(
-                f"{text} has no settings by body rates in scenario {scenario.name!r}, only in {', '.join(JUDGED)}: "
-                "choose one of these, or fly it by torque, without --control"
-            ) from error
+        """A baseline with its settings for what it commands here, or another policy."""
+        if text in all_baselines(place[1], self.control):
+            return self.prepared.policy(text, satellite, place, [(self.satellite, satellite)], self.control)
+        return entrant(text)

@@ -75,6 +75,7 @@ def _print_lines(rollouts: Sequence[Rollout], title: str, console: Console) -> N
         if decision % every == 0 or _over(rollouts):
             states = " | ".join(
                 f"{rollout.name}: error {100 * rollout.error:.3f} %, outside limits {100 * rollout.outside:.1f} %"
+                + (f", {rollout.ending}" if rollout.ending else "")
                 for rollout in rollouts
             )
             console.print(f"{decision * scenario.decision_period:5.0f} s | {states}", highlight=False, soft_wrap=True)

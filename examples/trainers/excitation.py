@@ -44,7 +44,7 @@ class Excitation(VectorWrapper):
 
     Args:
         autoreset_mode: what the library expects of the environments.
-        seed: of the first reset; later ones go on from it.
+        seed: of the training; the first reset has `first_seed` of it, later ones go on from there.
         num_envs: how many.
     """
 
@@ -55,7 +55,7 @@ class Excitation(VectorWrapper):
             )
         )
         self.autoreset_mode = self.env.unwrapped.autoreset_mode
-        self._first: int | None = seed
+        self._first: int | None = first_seed(seed, num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode in every environment."""
@@ -78,6 +78,14 @@ class SingleExcitation(gymnasium.Wrapper):
 
 
 gymnasium.register("Excitation-v0", lambda: SingleExcitation(gymnasium.make("SatInertiaID-v0", **TASK)))
+
+
+def first_seed(seed: int, num_envs: int = ENVS) -> int:
+    """Seed of the first environment of a training; the others have those that follow, and no two trainings share one.
+
+    The environments of trainings 0 and 1 would be the same but for one with the seed of the training itself.
+    """
+    return seeds("training", num_envs, seed * num_envs)[0]
 
 
 def updates(steps: int) -> int:

@@ -4,19 +4,24 @@ Ray, Achiam and Amodei, Benchmarking Safe Exploration in Deep Reinforcement Lear
 which fast changes of rate set swinging: the reward has no penalty, so that plain PPO (--no-limits) bends them too far.
 
 PYTHONPATH=. python examples/trainers/lagrangian_ppo.py
+PYTHONPATH=. python examples/trainers/lagrangian_ppo.py --scenario slosh --limits deflection=0.01 --save runs/slosh
 """
 
 import argparse
 import time
+from pathlib import Path
 
 import excitation as task
 import numpy as np
 import torch
 from excitation import network, updates
 
+from agents.training.run import network_of
 from baselines.command.provenance import revision
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
+from satid_gym.metrics import final_error
+from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.safety import SafetyVectorEnv
 
 LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs
@@ -27,10 +32,10 @@ PROPORTION = 1.0  # of what a cost is beyond its limit now, which damps how mult
 LOG_STD = (-1.5, -2.5)  # of exploration, first and last: it ends as nearly the mean action that is flown afterwards
 
 
-def train(steps, seed, limits=LIMITS, constrained=True):
+def train(steps, seed, limits=LIMITS, constrained=True, world=WORLD):
     """The actor after `steps` decisions, and a row (decisions, costs, multipliers) for each update."""
     torch.manual_seed(seed)
-    vector = SatInertiaIDVectorEnv(task.ENVS, reward=UNPUNISHED, autoreset_mode="SameStep", stagger=True, **WORLD)
+    vector = SatInertiaIDVectorEnv(task.ENVS, reward=UNPUNISHED, autoreset_mode="SameStep", stagger=True, **world)
     env = SafetyVectorEnv(vector, limits)
     most = torch.tensor(list(limits.values()), dtype=torch.float32)
     multipliers = torch.zeros(len(limits))
@@ -43,7 +48,7 @@ def train(steps, seed, limits=LIMITS, constrained=True):
     actions = torch.empty(task.ROLLOUT, task.ENVS, 3)
     log_probs, dones = torch.empty(2, task.ROLLOUT, task.ENVS)
     signals, values = torch.empty(2, task.ROLLOUT, task.ENVS, 1 + len(limits))
-    observation = torch.as_tensor(env.reset(seed=seed)[0])
+    observation = torch.as_tensor(env.reset(seed=task.first_seed(seed))[0])
     curve = []
 
     for update in range(updates(steps)):
@@ -96,9 +101,9 @@ def train(steps, seed, limits=LIMITS, constrained=True):
     return actor, curve
 
 
-def scores(actor, limits=LIMITS, episodes=64):
+def scores(actor, limits=LIMITS, episodes=64, world=WORLD):
     """Final error, share of episodes that ended early, and mean costs, by name, on validation seeds."""
-    env = SafetyVectorEnv(SatInertiaIDVectorEnv(episodes, reward=UNPUNISHED, **WORLD), limits)
+    env = SafetyVectorEnv(SatInertiaIDVectorEnv(episodes, reward=UNPUNISHED, **world), limits)
     observation, info = env.reset(seed=seeds("validation", episodes))
     alive, errors, costs = np.ones(episodes, bool), [info["relative_error"]], []
     for _ in range(env.unwrapped.problem.scenario.decisions):
@@ -110,8 +115,23 @@ def scores(actor, limits=LIMITS, episodes=64):
         alive &= ~terminated
     env.close()
     means = dict(zip(limits, np.concatenate(costs).mean(axis=0).tolist(), strict=True))
-    final = np.mean(errors[-len(errors) // 5 :])
-    return {"final_error": float(final), "ended": float(1.0 - alive.mean()), **means}
+    final = final_error(np.array(errors[1:]))  # after each decision
+    return {"final_error": float(final.mean()), "ended": float(1.0 - alive.mean()), **means}
+
+
+def policy(actor, name, details):
+    """The actor as a policy for `find`, `fly` and every command, with the rate loop's margin in place of `SHARE`."""
+    return LearnedPolicy(
+        name, network_of(actor), "rate", task.MARGIN, details=details, observation=WORLD["observation"]
+    )
+
+
+def limit(text):
+    """Name and value of NAME=VALUE."""
+    name, value = text.split("=")
+    if not 0.0 < float(value) <= 1.0:
+        raise ValueError
+    return name, float(value)
 
 
 if __name__ == "__main__":
@@ -119,16 +139,29 @@ if __name__ == "__main__":
     parser.add_argument("--steps", type=int, default=800_000, help="decisions, all environments together")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of environments, networks and exploration")
     parser.add_argument("--no-limits", action="store_true", help="plain PPO: the same without multipliers")
+    for name in ("scenario", "satellite", "inertia"):
+        parameter = {"default": WORLD[name], "help": "as of the environment, by name or file (%(default)s)"}
+        parser.add_argument(f"--{name}", **parameter)
+    parser.add_argument(
+        "--limits", type=limit, nargs="+", default=list(LIMITS.items()), metavar="NAME=VALUE", help="of mean costs"
+    )
+    parser.add_argument("--save", type=Path, help="save each policy as PATH-SEED.safetensors and PATH-SEED.json")
     options = parser.parse_args()
+    limits = dict(options.limits)
+    world = {**WORLD, **{name: getattr(options, name) for name in ("scenario", "satellite", "inertia")}}
     torch.set_num_threads(1)
-    print("| PPO | seed | decisions | " + " | ".join(f"{name}, %" for name in LIMITS) + " | multipliers |")
+    print("| PPO | seed | decisions | " + " | ".join(f"{name}, %" for name in limits) + " | multipliers |")
     for seed in options.seeds:
         start = time.perf_counter()
-        actor, curve = train(options.steps, seed, constrained=not options.no_limits)
+        actor, curve = train(options.steps, seed, limits, not options.no_limits, world)
         seconds = time.perf_counter() - start
         name = "plain" if options.no_limits else "Lagrangian"
         for decisions, costs, multipliers in curve[:: max(1, len(curve) // 8)]:
             numbers = [f"{100 * cost:.2f}" for cost in costs] + [" ".join(f"{m:.2f}" for m in multipliers)]
             print(f"| {name} | {seed} | {decisions} | {' | '.join(numbers)} |")
-        found = " ".join(f"{score} {100 * value:.3f} %" for score, value in scores(actor).items())
+        found = " ".join(f"{score} {100 * value:.3f} %" for score, value in scores(actor, limits, world=world).items())
         print(f"{name}, seed {seed}, validation: {found}; {seconds:.0f} s, revision {revision()}", flush=True)
+        if options.save:
+            path = options.save.with_name(f"{options.save.name}-{seed}")
+            trained = {"method": "lagrangian_ppo.py", "world": world, "limits": limits, "steps": options.steps}
+            policy(actor, path.name, {"trained": {**trained, "seed": seed, "revision": revision()}}).save(path)

@@ -30,9 +30,7 @@ class Recurrent(Learned):
 
 def train(steps, seed):
     """The policy after `steps` decisions."""
-    env = RateCommandVecEnv(
-        task.ENVS, margin=2.6, stagger=True, **task.TASK
-    )  # a margin of 2.6 is 97 to 98 % of the limit
+    env = RateCommandVecEnv(task.ENVS, margin=task.MARGIN, stagger=True, **task.TASK)
     model = RecurrentPPO(
         "MlpLstmPolicy",
         env,
@@ -52,7 +50,7 @@ def train(steps, seed):
         seed=seed,
         device="cpu",
     )
-    env.seed(seed)
+    env.seed(task.first_seed(seed))  # after the model, which has seeded the environments in its own way
     model.learn(steps)
     return Recurrent(model)
 

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from excitation import Learned, command
+from excitation import Learned, command, first_seed
 from rl_zoo3.train import train as rl_zoo3_train
 from stable_baselines3 import PPO
 
@@ -15,7 +15,8 @@ from stable_baselines3 import PPO
 def train(steps, seed):
     """The policy after `steps` decisions."""
     with tempfile.TemporaryDirectory() as folder:
-        words = f"--algo ppo --env Excitation-v0 --gym-packages excitation --n-timesteps {steps} --seed {seed}"
+        words = f"--algo ppo --env Excitation-v0 --gym-packages excitation --n-timesteps {steps}"
+        words += f" --seed {first_seed(seed)}"  # of the network too
         words += f" --eval-freq -1 --device cpu --verbose 0 --log-folder {folder}"
         words += f" --conf-file {Path(__file__).with_name('rl_zoo3.yml')}"
         sys.argv = ["rl_zoo3.train", *words.split()]

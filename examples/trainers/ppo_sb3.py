@@ -13,9 +13,7 @@ from satid_gym.sb3 import RateCommandVecEnv
 
 def train(steps, seed):
     """The policy after `steps` decisions."""
-    env = RateCommandVecEnv(
-        task.ENVS, margin=2.6, stagger=True, **task.TASK
-    )  # a margin of 2.6 is 97 to 98 % of the limit
+    env = RateCommandVecEnv(task.ENVS, margin=task.MARGIN, stagger=True, **task.TASK)
     model = PPO(
         "MlpPolicy",
         env,
@@ -32,7 +30,7 @@ def train(steps, seed):
     )
     for net in (model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net):
         set_clocks(net[0], env.vector_env.problem)
-    env.seed(seed)
+    env.seed(task.first_seed(seed))  # after the model, which has seeded the environments in its own way
     model.learn(steps)
     return Learned(lambda observations: model.predict(observations, deterministic=True)[0])
 

@@ -20,6 +20,7 @@ from satid_gym.resolution import resolve_satellites
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.selection import label
+from satid_gym.vector import SatInertiaIDVectorEnv
 
 Record = Mapping[str, Any]
 
@@ -53,6 +54,7 @@ def fly_episode(
     mode: str | InertiaLaw,
     seed: int,
     scenario: Scenario,
+    control: str = "torque",
     shown: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Fly the episode of a seed with each policy; plain values, SI units, body frame unless said otherwise.
@@ -60,6 +62,7 @@ def fly_episode(
     Args:
         policies: who flies it.
         satellite, mode, seed, scenario: which episode.
+        control: what actions are.
         shown: names of the one or two policies that are seen first; the first of `policies` where none is named.
 
     Returns:
@@ -68,14 +71,14 @@ def fly_episode(
         `rate` (3, T), `wheel_speed` (n, T), `momentum` (3, T) and `attitude` (4, T), body to inertial, scalar last.
         A flight that is terminated ends there: its series are shorter than `time`.
     """
-    (nominal,) = resolve_satellites(satellite)
-    operated = scenario.operate(nominal)
+    flown, world = _data_sheet(satellite, mode, seed, scenario)
+    operated = scenario.operate(flown)
     size = box(operated)[0] if operated.size is None else operated.size
     ends = scenario.termination_factor * operated.rate_limit
     flights: list[dict[str, Any]] = []
     common: dict[str, Any] = {"time": [], "inertia": []}
     for policy in policies:
-        recording = record(policy, satellite=satellite, inertia=mode, seeds=[seed], scenario=scenario)
+        recording = record(policy, satellite=flown, inertia=mode, seeds=[seed], scenario=world, control=control)
         kept = _kept(recording, ends)
         flights.append({"policy": policy.name, "kind": policy.kind, **_series(recording, kept)})
         if len(flights[-1]["error"]) > len(common["time"]):  # the longest flight has seen most of the truth
@@ -94,6 +97,20 @@ def fly_episode(
         **common,
         "flights": flights,
     }
+
+
+def _data_sheet(
+    satellite: str | Satellite, mode: str | InertiaLaw, seed: int, scenario: Scenario
+) -> tuple[Satellite, Scenario]:
+    """The satellite with the panels or the tank that the seed draws, and the scenario that adds no others."""
+    (nominal,) = resolve_satellites(satellite)
+    if scenario.appendages is None:
+        return nominal, scenario
+    env = SatInertiaIDVectorEnv(1, satellite=nominal, inertia=mode, scenario=scenario, num_threads=1)
+    env.reset(seed=seed)
+    (drawn,) = env.satellite_index
+    env.close()
+    return env.problem.satellites[drawn], scenario.replace(appendages=None)
 
 
 def _kept(recording: Recording, termination_rate: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from typing import Any
 
 from agents.benchmark.report.leaderboard import ALL_MODES, leaderboard
 from agents.benchmark.report.looks import place
-from agents.benchmark.results import file_names, read_curves, read_results
+from agents.benchmark.results import file_names, files_of, read_curves, read_results
 from agents.benchmark.stored import with_stored
 from satid_gym.files import write_text
 from satid_gym.metrics import BEYOND_MAX
@@ -43,26 +43,26 @@ _FIRST_SHOWN = ("mpc", "rate_square")  # next to the learned and the best script
 
 def write_report(results: Mapping[str, Any], curves: Mapping[str, Any], folder: Path) -> Path:
     """Write what the page is made of beyond compare.json, and the page; the page's path."""
-    names = file_names(results["settings"]["scenario"])
+    names = files_of(results)
     made = {name: results[name] for name in _SAME_RUN}
     write_text(folder / names["curves"], json.dumps({**made, **curves}, allow_nan=False, separators=(",", ":")))
     write_text(folder / names["page"], page(results, curves))
     return folder / names["page"]
 
 
-def rebuild(folder: Path, scenario: str) -> Path:
+def rebuild(folder: Path, scenario: str, control: str = "torque") -> Path:
     """Make the page again from the files of a comparison; its path.
 
     Raises:
         FileNotFoundError: a file is missing.
         ValueError: a file is damaged, or they come from different comparisons.
     """
-    names = file_names(scenario)
+    names = file_names(scenario, control)
     for name in _KEYS:
         if not (folder / names[name]).is_file():
             raise FileNotFoundError(
                 f"{folder / names[name]} is missing: run python -m agents.compare --scenario {scenario} "
-                f"--output {folder} first"
+                f"--control {control} --output {folder} first"
             )
     results = read_results(folder / names["results"], _REMEDY, keys=_KEYS["results"])
     curves = read_curves(folder / names["curves"], _REMEDY, keys=_KEYS["curves"])

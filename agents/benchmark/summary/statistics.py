@@ -23,10 +23,10 @@ def record(scores: Scores) -> dict[str, float | None]:
     A median time to 1 % that is infinite, and a NEES that no episode has, are None.
     """
     return {
-        **_with_interval("final_error", "final_error_mean", scores["final_error"]),
+        **_with_interval("final_error", "final_error_mean", scores["final_error"], least=0.0),
         "final_error_iqm": float(iqm(scores["final_error"])),
-        **_ends("final_error_iqm", bootstrap(scores["final_error"], trim=0.25)),
-        **_with_interval("mean_error", "mean_error_mean", scores["mean_error"]),
+        **_ends("final_error_iqm", bootstrap(scores["final_error"], trim=0.25), least=0.0),
+        **_with_interval("mean_error", "mean_error_mean", scores["mean_error"], least=0.0),
         "time_to_1pct_s": _finite(np.median(scores["time_to_1pct_s"])),
         "outside_fraction": float(scores["outside_fraction"].mean()),
         "information_nats": float(scores["information_nats"].mean()),
@@ -35,6 +35,7 @@ def record(scores: Scores) -> dict[str, float | None]:
         "saturated_fraction": float(scores["saturated_fraction"].mean()),
         "terminated_fraction": float(scores["terminated"].mean()),
         "reward": float(scores["reward"].mean()),
+        "cost": float(scores["cost"].mean()),
     }
 
 
@@ -52,12 +53,13 @@ def pair(scores: Scores, others: Scores) -> dict[str, float]:
     }
 
 
-def _with_interval(name: str, point: str, values: np.ndarray) -> dict[str, float]:
-    return {point: float(values.mean()), **_ends(name, bootstrap(values))}
+def _with_interval(name: str, point: str, values: np.ndarray, least: float = -np.inf) -> dict[str, float]:
+    return {point: float(values.mean()), **_ends(name, bootstrap(values), least)}
 
 
-def _ends(name: str, interval: tuple[float, float]) -> dict[str, float]:
-    return {f"{name}_lo": interval[0], f"{name}_hi": interval[1]}
+def _ends(name: str, interval: tuple[float, float], least: float = -np.inf) -> dict[str, float]:
+    """Ends of an interval, which with few episodes can reach below the least value there is."""
+    return {f"{name}_lo": max(interval[0], least), f"{name}_hi": interval[1]}
 
 
 def _finite(value: float) -> float | None:

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from agents.benchmark.summary.ranking import best
 from agents.benchmark.summary.statistics import PAIRED_KINDS
+from satid_gym.metrics import BEYOND_MAX
 
 Record = Mapping[str, Any]
 
@@ -37,6 +38,8 @@ def print_comparison(
             known = {e["policy"] for e in reached}  # not of stored figures
             paired = [p for p in policies if p in known and _kind(block, p) in PAIRED_KINDS]
             console.print(efficiency_line(reached, paired))
+        if costly := cost_line(block, policies):
+            console.print(costly)
     console.print(footer, style="dim")
 
 
@@ -111,6 +114,17 @@ _BEHAVIOUR = (
 )
 
 
+def cost_line(records: Sequence[Record], policies: Sequence[str]) -> str:
+    """Line of the policies whose mean cost is above 1 %; "" without any.
+
+    The tables' columns have no room for the limits of panels, tanks and payload, which are in the cost.
+    """
+    costs = {policy: _mean(records, policy, "cost") for policy in policies}
+    above = [f"{policy} {100.0 * cost:.2f}" for policy, cost in costs.items() if cost is not None and cost > BEYOND_MAX]
+    limits = "largest of all limits, those of panels, tanks and payload too"
+    return f"mean cost above {100.0 * BEYOND_MAX:g} % ({limits}): {', '.join(above)}" if above else ""
+
+
 def efficiency_line(efficiencies: Sequence[Record], policies: Sequence[str]) -> Text:
     """Line of efficiencies: limit / achieved, bound / achieved, means over the modes, and median time of a decision."""
     parts = []
@@ -130,8 +144,8 @@ def _kind(records: Sequence[Record], policy: str) -> str:
 
 
 def _mean(records: Sequence[Record], policy: str, name: str) -> Any:
-    """Mean over a policy's records; None where one of them has none."""
-    values = [r[name] for r in records if r["policy"] == policy]
+    """Mean over a policy's records; None where one of them has none, as stored ones of older revisions have no cost."""
+    values = [r.get(name) for r in records if r["policy"] == policy]
     return None if None in values else float(np.mean(values))
 
 

@@ -120,7 +120,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
             arrays = {key: file[key] for key in file.files}
         return json.loads(arrays["head"].tobytes()), arrays
     except (ValueError, KeyError, TypeError, AttributeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise DamagedFileError(f"{path} is not a checkpoint, whole though it is") from error
+        raise DamagedFileError(f"{path} is intact but is not a checkpoint") from error
 
 
 def _variables(model: BaseAlgorithm) -> list[str]:

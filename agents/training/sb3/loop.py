@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from tqdm import tqdm
 
-from agents.training.run import Run
+from agents.training.run import SHOWN, Run
+from agents.training.sb3 import checkpoint
 from agents.training.sb3.switches import SwitchedVecEnv
 from agents.training.settings import RLSettings
 from satid_gym.evaluation import seeds
@@ -18,7 +21,7 @@ from satid_gym.files import write_json
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.sb3 import RateCommandVecEnv
 
-_LOGGED = ("final_error", "mean_error", "outside_fraction", "reward")
+_LOGGED = (*SHOWN, "reward")
 
 
 class AfterUpdate:
@@ -74,32 +77,53 @@ class Training:
         env.seed(seeds("training", s.num_envs, s.seed * s.num_envs)[0])
         model.set_logger(configure(str(run.folder / "tensorboard"), ["tensorboard"]))
         model.after_update = self._after_update
-        notes = run.restore(model, env)
-        self.seconds = notes.get("seconds", {"total": 0.0, "environment": 0.0, "update": 0.0, "evaluation": 0.0})
+        self.seconds = {"total": 0.0, "environment": 0.0, "update": 0.0, "evaluation": 0.0}
+        self.restore()
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.run.folder / "checkpoint.npz"
+
+    def save(self) -> None:
+        """Write curve and checkpoint, from which `restore` goes on as if the run had never stopped."""
+        self.run.write_curve()
+        notes = {"curve": self.run.curve, "best": self.run.best, "seconds": self.seconds}
+        checkpoint.save(self._checkpoint, self.model, self.env, notes)
+
+    def restore(self) -> None:
+        """Put run, model and environment where the last `save` found them; without a checkpoint they stay as they are.
+
+        Raises:
+            DamagedFileError: the checkpoint and the one before it are damaged, or of other settings.
+        """
+        if not checkpoint.exists(self._checkpoint):  # a run that was stopped before its first one starts again
+            return
+        notes = checkpoint.load(self._checkpoint, self.model, self.env)
+        self.run.curve, self.run.best, self.seconds = notes["curve"], notes["best"], notes["seconds"]
 
     def learn(self) -> None:
-        """Train with a progress bar; nothing if the run has had its decisions."""
-        run, model, steps = self.run, self.model, self.settings.steps
+        """Train with a progress bar, which counts decisions; nothing if the run has had its commands."""
+        run, model, steps, repeat = self.run, self.model, self.settings.steps, self.settings.repeat
         left = steps - model.num_timesteps
         if left <= 0:
-            print(f"{run.folder} has had its {steps} decisions already")
+            print(f"{run.folder} has had its {steps * repeat} decisions already")
             return
-        with run.progress(steps, model.num_timesteps, "decisions") as bar:
+        with run.progress(steps * repeat, model.num_timesteps * repeat, "decisions") as bar:
             self._before, self._start = dict(self.seconds), time.perf_counter()
             if not run.curve:
                 self._evaluate()
-            model.learn(left, callback=_Progress(bar), reset_num_timesteps=False, log_interval=10)
+            model.learn(left, callback=_Progress(bar, repeat), reset_num_timesteps=False, log_interval=10)
             self._count_seconds()
             if run.curve[-1]["steps"] != model.num_timesteps:
                 self._evaluate()
-            run.save(model, self.env, seconds=self.seconds)
+            self.save()
         self._report()
 
     def _after_update(self) -> None:
         self._count_seconds()
         if self.model.num_timesteps - self.run.curve[-1]["steps"] >= self.settings.evaluate_every:
             self._evaluate()
-            self.run.save(self.model, self.env, seconds=self.seconds)
+            self.save()
 
     def _count_seconds(self) -> None:
         before = self._before
@@ -113,29 +137,40 @@ class Training:
         rows = self.run.evaluate(policy, steps=self.model.num_timesteps, seconds=round(self.seconds["total"], 1))
         self.run.keep(policy)
         self.seconds["evaluation"] += time.perf_counter() - start
+        self._count_seconds()  # of which it is a part, even if it is the last
         for row in rows:
             for name in _LOGGED:
                 self.model.logger.record(f"validation_{row['satellite']}/{name}", row[name])
+        self.model.logger.dump(self.model.num_timesteps)  # now: the algorithm's own dumps are at later steps, if any
+
+    def _kept_after(self) -> int:
+        """Decisions after which the kept policy was; its file says so, also of a run that was stopped."""
+        return LearnedPolicy.load(self.run.folder / "policy").details["trained"]["steps"] * self.settings.repeat
 
     def _report(self) -> None:
-        s, steps, folder = self.seconds, self.model.num_timesteps, self.run.folder
+        s, folder = self.seconds, self.run.folder
+        decisions = self.model.num_timesteps * self.settings.repeat
         rollout = s["total"] - s["environment"] - s["update"] - s["evaluation"]
         parts = {"environment": s["environment"], "policy and buffer": rollout, "update": s["update"]}
         parts["evaluation"] = s["evaluation"]
         split = ", ".join(f"{name} {value:.0f} s" for name, value in parts.items())
-        print(f"{steps} decisions in {s['total']:.0f} s: {steps / s['total']:.0f} a second ({split})")
-        print(f"policy with the best validation score: {folder / 'policy'}.safetensors")
-        timing = {"decisions": steps, "decisions_per_s": steps / s["total"], "seconds": {**s, "rollout": rollout}}
+        print(f"{decisions} decisions in {s['total']:.0f} s: {decisions / s['total']:.0f} a second ({split})")
+        kept = self._kept_after()
+        print(f"policy with the best validation score, after {kept} decisions: {folder / 'policy'}.safetensors")
+        if kept == 0:
+            print("warning: that is the network from before training, and no later one was better", file=sys.stderr)
+        rate = decisions / s["total"]
+        timing = {"decisions": decisions, "decisions_per_s": rate, "seconds": {**s, "rollout": rollout}}
         write_json(folder / "timing.json", timing)
 
 
 class _Progress(BaseCallback):
-    """Moves the progress bar."""
+    """Moves the progress bar by the decisions of each step."""
 
-    def __init__(self, bar: tqdm) -> None:
+    def __init__(self, bar: tqdm, repeat: int) -> None:
         super().__init__()
-        self._bar = bar
+        self._bar, self._repeat = bar, repeat
 
     def _on_step(self) -> bool:
-        self._bar.update(self.training_env.num_envs)
+        self._bar.update(self.training_env.num_envs * self._repeat)
         return True

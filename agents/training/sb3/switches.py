@@ -87,6 +87,9 @@ def with_reversals(network: Network, command: slice) -> Network:
 class SwitchedVecEnv(RateCommandVecEnv):
     """`RateCommandVecEnv` whose actions are switches that stay for some decisions, which are one step.
 
+    As in flight, every episode begins with a command of its own: those that `stagger` starts later begin a whole number
+    of steps later, and what follows an episode that ends within a step begins with the next step.
+
     Args:
         num_envs: number of environments.
         repeat: decisions of a step; an episode has a multiple of them.
@@ -106,6 +109,13 @@ class SwitchedVecEnv(RateCommandVecEnv):
         self.action_space = spaces.MultiBinary(REVERSALS if reversals else SWITCHES)
         self._rates = np.zeros((num_envs, 3))
 
+    def reset(self) -> np.ndarray:
+        """Start an episode in every environment."""
+        observations = super().reset()
+        decision = self.vector_env.fleet.rows.tasks["decision"]  # more than 0 where `stagger` took time away
+        decision -= decision % self._repeat
+        return observations
+
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the switches for `step_wait`."""
         command = self._observations[:, self.vector_env.problem.layout["command"]]
@@ -116,11 +126,21 @@ class SwitchedVecEnv(RateCommandVecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Take the decisions of a step, with the sum of their rewards; an episode that ended is over with the step."""
         observations, rewards, dones, infos = super().step_wait()
+        early = np.zeros_like(dones)  # over before the step's last decision
         for _ in range(self._repeat - 1):
+            early = dones
             super().step_async(self._rates)
             observations, more, ended, later = super().step_wait()
             rewards = rewards + np.where(dones, 0.0, more).astype(np.float32)
             for i in np.flatnonzero(ended & ~dones):
                 infos[i] = later[i]
             dones = dones | ended
+        if early.any():  # what followed was flown by the command of the episode before: begin again
+            observations = self._begin(early)
         return observations, rewards, dones, infos
+
+    def _begin(self, rows: np.ndarray) -> np.ndarray:
+        """Start an episode in some rows (N,) bool; observations (N, size) of all."""
+        self._observations, _ = self.vector_env.reset(options={"reset_mask": rows})
+        self._begin_sums(rows)
+        return self._observations
