@@ -5,6 +5,7 @@ import pytest
 
 from baselines import BASELINES, build, make_baseline, tuned_entry
 from baselines.scenarios.oracle import PLANS
+from baselines.tuning import amplitudes
 from baselines.tuning.amplitudes import FINER, Trial, Tuning, attempt, best, grid, tunable
 from satid_gym import INERTIA_MODES, SATELLITES, SCENARIOS, SatInertiaIDVectorEnv
 from satid_gym.control.decoded_observation import Belief, PlantConstants
@@ -222,6 +223,19 @@ def test_wheels_at_their_limit_are_beyond_the_envelope():
     assert best([held, free, least], 0.0) is free
     assert best([held, least], 0.0) is least
     assert (held.inside, free.inside) == (False, True)
+
+
+def test_no_torque_is_flown_once_for_all_that_a_baseline_is_tuned_with(monkeypatch):
+    asked = []
+
+    def flown(name, settings, *place, episodes):
+        asked.append(name)
+        return Trial(settings=settings, final_error=1.0, outside_fraction=0.0, saturated_fraction=0.0)
+
+    monkeypatch.setattr(amplitudes, "attempt", flown)
+    amplitudes.tune("sine", SATELLITES["microsat"], episodes=2)
+    assert asked.count("zero") == 1
+    assert asked.count("sine") > len(FINER)
 
 
 def test_the_papers_amplitudes_are_not_tuned():

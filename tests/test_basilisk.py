@@ -14,8 +14,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from baselines.scenarios.four_wheels import on_pyramid
+from baselines.command import cli
 from baselines.studies import basilisk as study
+from baselines.studies.worlds import on_pyramid
 from satid_gym import (
     SATELLITES,
     Pilot,
@@ -571,13 +572,28 @@ def test_basilisk_in_the_loop():
 
 
 def test_a_study_that_was_stopped_goes_on_with_the_cells_it_has(tmp_path, monkeypatch):
-    asked = study.BasiliskStudy(rows=("rigid",), policies=("sawtooth",), episodes=2, output=tmp_path / "found.json")
-    study.main(asked)
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "a1")
+    asked = study.BasiliskStudy(
+        rows=("rigid",), policies=("sawtooth", "generalist"), episodes=2, output=tmp_path / "found.json"
+    )
+    whole, cells = study.cell, []
+
+    def until_stopped(*place):
+        cells.append(whole(*place) if not cells else None)
+        if cells[-1] is None:
+            raise KeyboardInterrupt
+        return cells[-1]
+
+    monkeypatch.setattr(study, "cell", until_stopped)
+    with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+        study.main(asked)
     (cell,) = json.loads(asked.output.read_text())["cells"]
     for score in ("final_error", "nees"):
         assert cell["basilisk"][score] == pytest.approx(cell["own"][score], rel=1e-3)
     monkeypatch.setattr(study, "cell", lambda _, row, policy: {"row": row, "policy": policy, "own": None})
-    study.main(replace(asked, policies=("sawtooth", "generalist")))
+    with pytest.raises(cli.UserError, match="was flown with episodes = 2: give another"):
+        study.main(replace(asked, episodes=3))
+    study.main(asked)
     kept, _ = json.loads(asked.output.read_text())["cells"]
     assert kept == cell
 

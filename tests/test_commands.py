@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from satid_gym import SatInertiaIDVectorEnv
+from satid_gym import SatInertiaIDVectorEnv, warmup
 
 pytestmark = pytest.mark.compiled  # without the compiler there is nothing of the library to see here
 
@@ -82,3 +82,10 @@ def test_every_command_is_tried(command, errors_of):
     assert "    cli.run(main)\n" in COMMANDS[command].read_text(encoding="utf-8")
     errors = errors_of(f"{command} --no-such-option")
     assert "--no-such-option" in errors or "Missing argument" in errors
+
+
+def test_the_core_is_compiled_ahead_for_a_satellite_in_a_scenario(capsys):
+    assert warmup.main(["--satellite", "cubesat", "--scenario", "tight", "--control", "rate"]) == 0
+    assert "core ready after" in capsys.readouterr().out
+    assert warmup.main(["--satellite", "nosuch"]) == 2
+    assert "unknown satellite 'nosuch'" in capsys.readouterr().err

@@ -47,6 +47,7 @@ def scores(final_error, **changed):
         "final_error": final_error, "mean_error": [0.02] * n, "time_to_1pct_s": [3.0] * n,
         "outside_fraction": [0.01] * n, "information_nats": [100.0] * n, "nees": [1.0] * n, "effort": [0.5] * n,
         "saturated_fraction": [0.0] * n, "reward": [10.0] * n, "terminated": [False] * n,
+        "cost": [0.02] * n,
     }  # fmt: skip
     return {name: np.array(value) for name, value in (values | changed).items()}
 
@@ -64,6 +65,7 @@ def test_record_by_hand():
     assert r["terminated_fraction"] == 0.25
     assert r["nees"] == 1.0
     assert (r["outside_fraction"], r["information_nats"], r["effort"], r["reward"]) == (0.01, 100.0, 0.5, 10.0)
+    assert r["cost"] == 0.02
 
 
 @cases(
@@ -118,7 +120,8 @@ def test_records_have_what_readers_were_promised(run):
     promised = (
         "policy kind satellite inertia_mode episodes final_error_mean final_error_lo final_error_hi "
         "final_error_iqm final_error_iqm_lo final_error_iqm_hi mean_error_mean mean_error_lo mean_error_hi "
-        "time_to_1pct_s outside_fraction information_nats nees effort saturated_fraction terminated_fraction reward"
+        "time_to_1pct_s outside_fraction information_nats nees effort saturated_fraction terminated_fraction reward "
+        "cost"
     )
     for r in run[0]["records"]:
         assert list(r) == promised.split()
@@ -184,6 +187,17 @@ def test_tables_fit_a_hundred_columns_and_name_their_source(run):
 )
 def test_percent(fraction, text):
     assert tables._percent(fraction) == text
+
+
+def test_costs_above_a_hundredth_are_told():
+    """Of a tank, say: rates and wheels are inside, which alone are in the table."""
+    rows = [{"policy": name, "cost": cost} for name, cost in (("a", 0.25), ("a", 0.15), ("b", 0.01), ("c", 0.02))]
+    rows += [{"policy": "old"}]  # of a revision without costs
+    line = tables.cost_line(rows, ["b", "c", "a", "old"])
+    assert line == (
+        "mean cost above 1 % (largest of all limits, those of panels, tanks and payload too): c 2.00, a 20.00"
+    )
+    assert tables.cost_line(rows, ["b", "old"]) == ""
 
 
 # what it refuses

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 
 from satid_gym import (
     SATELLITES,
@@ -93,7 +94,7 @@ REFUSED = {
     "drift in no time": (lambda: InertiaLaw("drift", time=0.0), "time of the inertia law must be finite and more than"),
     "step before the start": (lambda: InertiaLaw("step", time=-1.0), "time of the inertia law must be .* at least 0"),
     "frequency": (lambda: InertiaLaw("periodic", frequency=-0.1), "frequency of the inertia law must be .* at least 0"),
-    "phase": (lambda: InertiaLaw("periodic", phase=np.inf), "phase of the inertia law must be finite"),
+    "phase": (lambda: InertiaLaw("periodic", frequency=0.02, phase=np.inf), "phase of the inertia law must be finite"),
     "change": (lambda: InertiaLaw("step", change=np.tri(3)), "change of the inertia law must be symmetric"),
     "reversed range": (lambda: LawRanges(step_size=(0.2, 0.1)), "step_size of the law ranges must be .low, high."),
     "range beyond": (lambda: LawRanges(step_time=(0.5, 1.5)), "step_time .* <= 1.0, got .0.5, 1.5."),
@@ -156,6 +157,10 @@ REFUSED = {
     ),
     "reward's setting": (lambda: problem(reward={"gain": 1.0}), "unknown setting of RewardSettings 'gain'"),
     "no steps": (lambda: problem(max_episode_steps=0), "max_episode_steps must be an integer of at least 1, got 0"),
+    "two horizons": (
+        lambda: problem(max_episode_steps=5, scenario={"horizon": 60.0}),
+        "max_episode_steps=5 makes a horizon of 5 s, and the scenario's settings say 60 s: give one of the two",
+    ),
     "half a step": (lambda: problem(max_episode_steps=1.5), "max_episode_steps must be an integer"),
     "environment's satellite": (lambda: SatInertiaIDEnv("cubsat"), "Did you mean 'cubesat'?"),
     "vector's satellite": (lambda: SatInertiaIDVectorEnv(2, "cubsat"), "Did you mean 'cubesat'?"),
@@ -178,6 +183,9 @@ def test_refusal_says_what_is_wrong_and_what_is_valid():
 def test_autoreset_mode_is_one_of_gymnasiums():
     with pytest.raises(ValueError, match="sometimes"):
         SatInertiaIDVectorEnv(2, autoreset_mode="sometimes")
+    for mode in AutoresetMode:
+        for spelling in (mode, mode.name, mode.value):
+            assert SatInertiaIDVectorEnv(2, autoreset_mode=spelling).autoreset_mode is mode
 
 
 def test_satellites_of_one_environment_need_as_many_wheels(pyramid):

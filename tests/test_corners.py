@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from agents.evolution import corners
 from agents.evolution.corners import main
-from agents.evolution.judge import Judge, relative_error
+from agents.evolution.judge import Judge, expected_relative_error
 from agents.evolution.settings import Evolution
+from baselines.command.cli import UserError
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
 from satid_gym.control.corners.tour import CornerTour
@@ -171,8 +174,35 @@ def test_a_stopped_evolution_goes_on_to_the_same_policy(tmp_path, capsys):
     assert capsys.readouterr().out.count("periodic") == 3
     for name in ("curve.csv", "policy.safetensors"):
         assert (tmp_path / "halves" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-    with pytest.raises(ValueError, match="other settings"):
-        main(dataclasses.replace(halves, episodes=3))
+
+
+def test_generations_that_are_kept_say_which_revision_flew_them(tmp_path, monkeypatch, capsys):
+    run, files = dataclasses.replace(SMALL, generations=1, output=tmp_path), tmp_path / "generations.npz"
+
+    def continued(generations: int, now: str) -> tuple[list[str], str]:
+        monkeypatch.setattr(corners, "revision", lambda: now)
+        assert main(dataclasses.replace(run, generations=generations)) == 0
+        return json.loads((tmp_path / "policy.json").read_text())["training"]["revisions"], capsys.readouterr().out
+
+    revisions, said = continued(1, "aaa")
+    assert revisions == ["aaa"]
+    assert "has generations" not in said
+    revisions, said = continued(2, "bbb")
+    assert revisions == ["aaa", "bbb"]
+    assert f"{tmp_path} has generations of revision aaa, this is bbb: to start again, give another --output" in said
+    with np.load(files) as kept:
+        assert kept["revisions"].tolist() == ["aaa", "bbb"]
+        np.savez(files, **{name: kept[name] for name in ("settings", "asked", "judged")})
+    assert continued(2, "bbb")[0] == ["unknown"], "of files of before"
+    with pytest.raises(UserError, match="other settings: give another --output"):
+        main(dataclasses.replace(run, episodes=3))
+    with np.load(files) as kept:
+        np.savez(files, **{**kept, "asked": kept["asked"] + 1.0})
+    with pytest.raises(UserError, match="this version of cma would not try"):
+        main(run)
+    files.write_bytes(files.read_bytes()[:300])
+    with pytest.raises(UserError, match=r"generations\.npz is damaged"):
+        main(run)
 
 
 def test_what_bends_the_tank_too_far_is_judged_worse():
@@ -197,7 +227,7 @@ def test_drawn_satellites_are_judged_by_the_error_of_the_tensor(tmp_path, capsys
     for side in (1.0, -1.0, 1.0):
         env.step(side * np.array([[0.5, 0.3, -0.6], [0.4, -0.5, 0.2]]))
     rng = np.random.default_rng(8)
-    for belief, found in zip(env.fleet.rows.beliefs, relative_error(env), strict=True):
+    for belief, found in zip(env.fleet.rows.beliefs, expected_relative_error(env), strict=True):
         mean = belief["mean"][3:9]
         errors = inertia_tensors(rng.multivariate_normal(np.zeros(6), belief["covariance"][3:9, 3:9], 20_000))
         size = np.linalg.norm(inertia_tensors(mean))

@@ -97,5 +97,5 @@ def test_ranges_that_are_none_are_refused(settings, message):
 
 def test_limits_that_no_satellite_can_hold_are_refused():
     ranges = SatelliteRanges(rate_limit=(0.1, 0.2), momentum=(10.0, 20.0), authority=(0.01, 0.02))
-    with pytest.raises(ValueError, match="need more torque"):
+    with pytest.raises(ValueError, match="never gave enough torque"):
         draw_satellite(np.random.default_rng(0), ranges)

@@ -11,11 +11,13 @@ from agents.training.run import SCORES, condensed
 from agents.training.train import named
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import FIRST_SEED
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies import find
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import missions, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES
+from tests.cases import cases
 
 
 def test_validation_flies_other_satellites_than_training():
@@ -32,6 +34,24 @@ def test_rounds_of_imitation_share_drawn_satellites():
     places = [place for i in range(3) for place in settings.places(i)]
     assert sorted(places) == list(range(11))
     assert list(ImitationSettings(satellite="cubesat").places(4)) == [0, 1]  # with each factor on its wheels
+
+
+@cases(
+    ("scales", "rounds", "drawn"), [((1.0, 0.1), 6, 48), ((1.0, 0.1), 4, 35), ((1.0, 0.5, 0.1), 3, 24), ((1.0,), 4, 19)]
+)
+def test_every_inertia_mode_is_flown_with_every_speed_of_the_wheels(scales, rounds, drawn):
+    """Modes once went by places in the pool, whose parity is that of the factor on the wheels."""
+    given = {"satellite": "drawn", "drawn": drawn, "rounds": rounds, "wheel_scales": scales, "episodes": 1}
+    settings, pool = ImitationSettings(**given), []
+    for i in range(rounds):
+        pool += settings.places(i)
+        flown = {(settings.modes_at(place, i), place % len(scales)) for place in settings.places(i)}
+        assert flown == {((mode,), k) for mode in INERTIA_MODES for k in range(len(scales))}
+    assert sorted(pool) == list(range(len(settings.pool())))
+
+
+def test_a_known_satellite_flies_every_mode_in_every_round():
+    assert ImitationSettings(satellite="cubesat").modes_at(1, 3) == INERTIA_MODES
 
 
 @pytest.mark.parametrize("name", ["universal", "universal_imitation"])

@@ -689,7 +689,7 @@ def test_paper_laws():
         ({"attitude0": (0.0, 0.0, 0.0, 0.0)}, "attitude0 must be a quaternion of nonzero length"),
         ({"disturbance": (1.0, np.inf, 0.0)}, "disturbance must be finite"),
         ({"law": InertiaLaw("step", time=2.0, change=(20.0, 0.0, 0.0))}, "triangle inequality"),
-        ({"law": InertiaLaw("periodic", change=(7.0, 7.0, 7.0))}, "positive definite"),
+        ({"law": InertiaLaw("periodic", change=(7.0, 7.0, 7.0), frequency=0.1)}, "positive definite"),
         (
             {"law": InertiaLaw("table", times=(0.0, 2.0), values=[(0.0, 0.0, 0.0), (20.0, 0.0, 0.0)], name="boom")},
             "inertia of microsat at 2 s of its boom breaks the triangle inequality",

@@ -203,9 +203,18 @@ def test_terminated_beyond_three_times_the_rate_limit():
         env.step(np.zeros(3))
 
 
+def test_a_generator_that_was_looked_at_before_the_first_reset_starts_the_stream_all_the_same():
+    """Its draws were all zero, so that the reset went on for ever."""
+    env = SatInertiaIDEnv()
+    assert env.np_random is not None
+    _, info = env.reset()
+    assert (np.linalg.eigvalsh(info["inertia_true"]) > 0.0).all()
+    assert env.fleet.rows.plants["stream"].any()
+
+
 def test_step_before_the_first_reset():
     env = SatInertiaIDEnv()
-    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"no episode was started: call reset\(\) before step"):
         env.step(np.zeros(3))
 
 

@@ -10,6 +10,7 @@ import satid_gym
 from satid_gym import metrics
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
 from satid_gym.laws import InertiaLaw
+from satid_gym.policies import build
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from tests.cases import cases
@@ -245,6 +246,7 @@ def test_termination_is_not_forgiven():
     for i, t in enumerate(last):
         assert flight.outside[t, i] > 0.0
         np.testing.assert_array_equal(flight.outside[t + 1 :, i], 1.0)
+        np.testing.assert_array_equal(flight.cost[t + 1 :, i], 1.0)
         np.testing.assert_array_equal(flight.error[t + 1 :, i], flight.error[t, i])
         for series in (flight.information, flight.effort, flight.reward, flight.nees, flight.saturated):
             np.testing.assert_array_equal(series[t + 1 :, i], 0.0)
@@ -262,6 +264,7 @@ def test_scores_by_hand():
     flight = Flight(
         time=np.arange(1.0, 11.0), error=error, outside=0.25 * ones, nees=2.0 * ones, information=3.0 * ones,
         effort=np.where(alive, 0.5, 0.0), reward=ones, saturated=zeros, alive=alive, settled=np.ones((10, 2), bool),
+        cost=0.3 * ones,
     )  # fmt: skip
     expected = {
         "final_error": [0.015, 0.0075],
@@ -274,11 +277,27 @@ def test_scores_by_hand():
         "saturated_fraction": [0.0, 0.0],
         "reward": [10.0, 10.0],
         "terminated": [False, True],
+        "cost": [0.3, 0.3],
     }
     scores = flight.scores()
     assert scores.keys() == expected.keys()
     for name, values in expected.items():
         np.testing.assert_allclose(scores[name], values, err_msg=name)
+
+
+@pytest.mark.compiled
+def test_the_cost_tells_of_limits_that_rates_and_wheels_do_not():
+    """A tank's: slosh by commands back and forth that stay inside the limits of rates and wheels."""
+    square = build("rate_square", {"period": 24.0, "margin": 2.5})
+    cell = {"satellite": "microsat", "inertia": "static", "scenario": "slosh"}
+    scores = fly(square, seeds=seeds("validation", 3), **cell).scores()
+    assert (scores["cost"] > scores["outside_fraction"] + scores["saturated_fraction"] + 0.05).any()
+
+
+@cases("policy", ["generalist", Constant, None])
+def test_what_is_no_policy_is_refused_with_what_is(policy):
+    with pytest.raises(ValueError, match=r"policy must be an object .*find\(\"generalist\"\) or make_baseline"):
+        fly(policy, satellite="microsat", inertia="static", seeds=[0])
 
 
 @cases("inertia", ["step", "release"])

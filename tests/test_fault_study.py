@@ -13,7 +13,7 @@ from tests.cases import cases
 def flight(episodes: int = 1, period: float = 1.0, horizon: float = 300.0, **series: np.ndarray) -> Flight:
     """A flight that is perfect but for `series`; decision k ends at (k + 1) `period`."""
     shape = (round(horizon / period), episodes)
-    flat = {name: np.zeros(shape) for name in ("outside", "information", "effort", "reward", "saturated")}
+    flat = {name: np.zeros(shape) for name in ("outside", "information", "effort", "reward", "saturated", "cost")}
     always = {name: np.ones(shape, bool) for name in ("alive", "settled")}
     values = {**flat, **always, "error": np.zeros(shape), "nees": np.ones(shape), **series}
     return Flight(time=period * np.arange(1, shape[0] + 1), **values)

@@ -6,18 +6,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from agents.dataset.flights import record
 from baselines.scenarios.flights import Cell, flown
-from satid_gym import Pilot, SatInertiaIDVectorEnv
+from satid_gym import SATELLITES, Pilot, SatInertiaIDVectorEnv
 from satid_gym.control.planning import mode_doubles
 from satid_gym.control.planning.rehearsal import Trail
 from satid_gym.core.jit import kernel
 from satid_gym.evaluation import fly, seeds
 from satid_gym.policies import make_baseline
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
+from satid_gym.policies.lookahead import LookaheadPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policy import missions, show_filter
 from satid_gym.problem import problem
+from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
+from tests.rehearse import rehearse
 
 SETTINGS = {"control": "rate", "observation": "body"}
 
@@ -33,7 +37,7 @@ def expected_error(beliefs):
 def rehearsed(policy, env, plan):
     """Trails of a plan (H, 3) that is not changed, one an environment, from where each of them is."""
     policy.see(env.fleet.rows.beliefs, env.fleet.rows.tasks)
-    return policy.rehearse(np.broadcast_to(plan, (env.num_envs, *plan.shape)))
+    return rehearse(policy, np.broadcast_to(plan, (env.num_envs, *plan.shape)))
 
 
 @cases(
@@ -179,3 +183,14 @@ def test_a_trail_has_room_for_the_plan():
     assert len(trail.losses) == 7
     np.testing.assert_allclose(np.diff(trail.losses), expected_error(trail.beliefs[1:]), rtol=1e-9)
     assert trail.tasks["decision"].tolist() == list(range(7))
+
+
+@cases("policy", [FilterMPCPolicy(horizon=3, edits=2), LookaheadPolicy("rigid_tour", horizon=3)])
+def test_data_sets_have_the_flights_of_policies_that_plan_with_the_filter(policy):
+    """They are shown the filter, and not the covariance that is recorded in addition."""
+    short = SCENARIOS["default"].replace(name="short", horizon=6.0)
+    cell = {"satellite": SATELLITES["microsat"], "inertia": "static", "scenario": short, "control": "rate"}
+    flight = fly(policy, seeds=seeds("training", 2), **cell)
+    for i, episode in enumerate(record(policy, seeds=seeds("training", 2), include_covariance=True, **cell)):
+        np.testing.assert_array_equal(episode.infos["relative_error"][1:], flight.error[:, i])
+        np.testing.assert_array_equal(episode.rewards, flight.reward[:, i])

@@ -20,7 +20,7 @@ from baselines.scenarios.plans.swing import SwingPlan, with_true_sky
 from baselines.scenarios.rate_loops import RateLoopStudy
 from baselines.scenarios.rivals import Quieter, choose
 from satid_gym import SATELLITES
-from satid_gym.core.observation import MODE_PARTS
+from satid_gym.core.observation import MODE_PLACES as AT
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.learned import LearnedPolicy
@@ -37,7 +37,6 @@ from tests.cases import cases
 
 CELL = Cell(scenario="flex", satellite="microsat", inertia="static")
 SEEDS = [11, 12, 13]
-AT = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
 POINTS = 0.3 * np.random.default_rng(4).standard_normal((3, 7))
 
 

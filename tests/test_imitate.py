@@ -17,6 +17,7 @@ from agents.training.teacher import teach
 from baselines.command.cli import exit_code
 from satid_gym import SATELLITES
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
+from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.problem import problem
@@ -119,7 +120,7 @@ def test_the_teacher_says_what_it_flies(mode: str, walk: float) -> None:
     Few of its sides are worth less than their opposites: the search has not tried everything.
     """
     settings = ImitationSettings(episodes=2, inertia=mode)
-    observations, advantages = teach(None, SATELLITES["smallsat"], settings, 40)
+    observations, advantages = teach(None, SATELLITES["smallsat"], (mode,), settings, 40)
 
     class Listening(MPCPolicy):
         include_covariance = True
@@ -145,7 +146,7 @@ def test_a_network_flies_what_the_teacher_does_not() -> None:
             return np.zeros((len(observation), 3))
 
     settings = ImitationSettings(episodes=8, edits=1, taught=0.4)
-    observations, advantages = teach(Still(), SATELLITES["cubesat"], settings, 0)  # type: ignore[arg-type]
+    observations, advantages = teach(Still(), SATELLITES["cubesat"], INERTIA_MODES, settings, 0)  # type: ignore[arg-type]
     rates = np.abs(observations.reshape(4, -1, 2, SIZE)[:, 50:, :, LAYOUT["rate"]]).mean(axis=(1, 3)).ravel()
     assert sorted(set(np.where(rates < 0.2, "network", np.where(rates > 0.6, "teacher", "neither")))) == [
         "network",

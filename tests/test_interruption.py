@@ -137,7 +137,7 @@ def test_an_unwritable_output_is_known_before_the_work(tmp_path):
     line = [sys.executable, "-m", "agents.compare", "--output", str(tmp_path / "file")]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
-    assert done.stderr == f"error: {tmp_path / 'file'}: File exists; existing files are unchanged\n"
+    assert done.stderr == f"error: {tmp_path / 'file'}: File exists\n"
     with pytest.raises(OSError, match="Not a directory"):
         check_writable(tmp_path / "file" / "below")
 

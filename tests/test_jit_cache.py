@@ -16,7 +16,7 @@ import pytest
 import satid_gym
 
 pytestmark = [pytest.mark.compiled, pytest.mark.slow]
-COMPILING = "satid-gym: compiling its core for this machine, about 50 s, once; python -m satid_gym.warmup does it ahead"
+COMPILING = "satid-gym: compiling its core for this kind of satellite, about 50 s, once; python -m satid_gym.warmup"
 TINY = """
 from satid_gym.core.jit import kernel
 

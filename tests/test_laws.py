@@ -93,7 +93,10 @@ def test_moments_are_the_diagonal_of_a_change():
 def test_limits_of_a_law():
     """At the edge of what is allowed: a change by just less than all, a step at once, a phase before zero."""
     assert InertiaLaw("step", size=-0.999, time=0.0).size == -0.999
-    assert InertiaLaw("periodic", phase=-3.0, frequency=0.0).phase == -3.0
+    assert InertiaLaw("periodic", phase=-3.0, frequency=1e-6).phase == -3.0
+    assert InertiaLaw("step", frequency=0.0).frequency == 0.0
+    with pytest.raises(ValueError, match=r"mode \"periodic\" needs a frequency above 0 Hz, got 0"):
+        InertiaLaw("periodic", size=0.1)
     assert InertiaLaw("drift").time == 150.0
     with pytest.raises(ValueError, match="unknown mode"):
         InertiaLaw("wobble")

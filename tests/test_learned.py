@@ -83,6 +83,13 @@ def test_torque_is_passed_on_and_cut():
     np.testing.assert_array_equal(policy(observation), np.clip(policy.network(observation), -1, 1))
 
 
+def test_a_decision_before_reset_and_no_text_are_refused():
+    with pytest.raises(RuntimeError, match=r"policy generalist .*call reset\(mission, seeds\)"):
+        find("generalist")(np.zeros((1, WHOLE)))
+    with pytest.raises(ValueError, match="policy must be the name or the path of a learned policy, got None"):
+        find(None)
+
+
 def test_it_flies_an_episode():
     flight = fly(LearnedPolicy("any", network(), "rate", 2.4), satellite="cubesat", inertia="static", seeds=[1, 2])
     assert flight.error.shape == (300, 2)
@@ -182,9 +189,23 @@ def test_damaged_files_are_refused(tmp_path, damage, message):
         find(str(tmp_path / "x"))
 
 
+def test_layers_that_do_not_fit_are_refused_before_a_flight():
+    """They failed in flight, with an error of NumPy's."""
+    good, (first, *others) = network(), network().weights
+    for weights, biases, said in (
+        ((first, np.zeros((8, 5), np.float32), others[-1]), good.biases, r"layer 1 .* weight \(8, 5\), bias \(8,\)"),
+        ((first[0], *others), good.biases, "layer 0 of the network does not fit"),
+        ((np.nan * first, *others), good.biases, "layer 0 of the network holds values that are not finite"),
+        (good.weights, good.biases[:2], "as many weights as biases, got 3 and 2"),
+        ((), (), "at least one layer"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            Network(weights, biases)
+
+
 def test_networks_that_do_not_fit_or_are_not_finite_are_refused():
     tensors = network().tensors()
-    with pytest.raises(ValueError, match="does not fit"):
+    with pytest.raises(ValueError, match=r"layer 1 of the network does not fit: weight \(8, 5\), bias \(8,\)"):
         Network.from_tensors({**tensors, "weight.1": np.zeros((8, 5), np.float32)})
     with pytest.raises(ValueError, match="not finite"):
         Network.from_tensors({**tensors, "bias.0": np.full(16, np.nan, np.float32)})
@@ -243,6 +264,6 @@ def test_ratios_over_another_policy_are_by_cell():
     still = LearnedPolicy("still", nothing, "rate", 2.75, include_covariance=True)
     own, other = ratios([policy, still], policy, settings, 8)
     np.testing.assert_array_equal(own[:, :2], 1.0)
-    assert own.shape == (len(INERTIA_MODES), 3)
+    assert own.shape == (len(INERTIA_MODES), 4)
     assert (other[:, :2] > 3.0).all()
-    assert (other[:, 2] == 0.0).all()
+    assert (other[:, 2:] == 0.0).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from satid_gym import SatInertiaIDVectorEnv
-from satid_gym.core.control.lost_axis import spare
+from satid_gym.core.control.lost_axis import constrain
 from satid_gym.evaluation import seeds
 from tests.cases import cases
 from tests.test_rate_tracking import flown
@@ -76,7 +76,7 @@ def pushed(rates, momentum):
 
 def test_a_reference_that_keeps_the_lost_axis_inside_stays_but_for_that_axis():
     state = (0.2 * LIMIT, 0.0, 0.0), (0.0, 0.01, 0.0), INERTIA
-    wanted = spare((0.9 * LIMIT, 0.9 * LIMIT, -0.9 * LIMIT), (1.0, 0.0, 0.0), state, LIMIT)
+    wanted = constrain((0.9 * LIMIT, 0.9 * LIMIT, -0.9 * LIMIT), (1.0, 0.0, 0.0), state, LIMIT)
     np.testing.assert_allclose(wanted, [0.2 * LIMIT, 0.9 * LIMIT, -0.9 * LIMIT])
 
 
@@ -87,7 +87,7 @@ def test_a_lost_axis_is_brought_back_as_far_as_references_reach():
     least = -0.4 * 0.15 * 6.5 * LIMIT
     for reference in ((0.0, 0.9, 0.9), (0.0, -0.9, 0.9), (0.0, 0.9, -0.9), (0.0, 0.1, 0.0)):
         asked = LIMIT * np.array(reference)
-        wanted = np.array(spare(tuple(asked), (1.0, 0.0, 0.0), state, LIMIT))
+        wanted = np.array(constrain(tuple(asked), (1.0, 0.0, 0.0), state, LIMIT))
         cap = np.maximum(np.abs(asked), 0.5 * LIMIT)
         most = -np.abs(np.cross([1.0, 0.0, 0.0], momentum)) @ cap
         assert pushed(wanted, momentum) <= max(least, most) + 1e-12
@@ -96,5 +96,5 @@ def test_a_lost_axis_is_brought_back_as_far_as_references_reach():
 
 def test_without_momentum_no_rate_can_help_and_none_is_changed():
     state = (LIMIT, 0.0, 0.0), (0.0, 0.0, 0.0), INERTIA
-    wanted = spare((0.0, 0.02, -0.01), (1.0, 0.0, 0.0), state, LIMIT)
+    wanted = constrain((0.0, 0.02, -0.01), (1.0, 0.0, 0.0), state, LIMIT)
     np.testing.assert_allclose(wanted, [LIMIT, 0.02, -0.01])

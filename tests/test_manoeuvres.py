@@ -1,6 +1,7 @@
 """Manoeuvres: their waves against the equations of motion, their trials against the evaluation, what is refused."""
 
 import contextlib
+import dataclasses
 import io
 import json
 import re
@@ -14,6 +15,8 @@ from satid_gym.commands.main import main
 from satid_gym.evaluation import fly, seeds
 from satid_gym.manoeuvres import Effort, ManoeuvrePolicy, NotPossibleError, Request
 from satid_gym.manoeuvres.feasibility import least_std
+from satid_gym.manoeuvres.notes import remarks
+from satid_gym.manoeuvres.page import page
 from satid_gym.manoeuvres.pointing import attitudes, separations, turned
 from satid_gym.manoeuvres.search import manoeuvres, settling
 from satid_gym.manoeuvres.trial import fly_side_by_side
@@ -125,8 +128,40 @@ def test_what_comes_after_an_early_end_does_not_count():
 
 
 def test_limits_of_pointing_are_held_by_the_flights():
-    with pytest.raises(NotPossibleError, match=r"points \d.* deg beyond its turn limit or into a keep-out"):
+    said = r"points \d.* deg beyond its turn limit or into a keep-out: give it more room or search for more rounds$"
+    with pytest.raises(NotPossibleError, match=said):
         design("microsat", duration=60.0, turn_limit=np.radians(0.05), effort=QUICK)
+
+
+def test_an_accuracy_that_tolerances_forbid_is_refused_with_their_names():
+    unsure = MICROSAT.replace(tolerances={"gyro_bias": 1e-5, "gyro_scale": 2e-3})
+    with pytest.raises(NotPossibleError, match=r"do not help: give smaller tolerances \(gyro_scale\), wider limits or"):
+        design(unsure, duration=60.0, accuracy=2e-4, effort=Effort(population=8, rounds=1, episodes=2, flights=8))
+
+
+def test_the_page_of_a_manoeuvre_by_torque_promises_no_rest_at_the_end():
+    effort = Effort(population=8, rounds=1, episodes=2, flights=8)
+    found = design("microsat", duration=60.0, control="torque", effort=effort)
+    text = page(found, b"", "satid design microsat")
+    assert "from rest to rest" not in text
+    assert re.search(
+        r"60 s from rest, flown by torque in open loop; at the end the rate is [\d.]+ % of its limit", text
+    )
+
+
+def test_ticks_of_bars_stay_apart_and_a_logarithmic_axis_has_dots():
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    from satid_gym.manoeuvres import figure
+
+    for values, bars in (([6.1e-5, 5.4e-5, 8.2e-5], 3), ([6e-5, 5e-3, np.inf], 0)):
+        axes = Figure(figsize=(5.5, 3.5)).subplots()
+        figure._bars(axes, ["one", "two", "three"], values, ["0.5"] * 3)
+        assert len(axes.patches) == bars
+        assert len(axes.collections) == (bars == 0)
+        assert axes.get_xscale() == ("linear" if bars else "log")
+        assert not bars or len(axes.get_xticks()) <= 5
 
 
 def test_attitudes_follow_the_rates():
@@ -147,6 +182,27 @@ def test_flights_side_by_side_are_those_of_the_evaluation():
         np.testing.assert_array_equal(trial.costs[:, 0], flight.scores()["outside_fraction"])
         assert not trial.terminated.any()
     assert np.all(trial.std[-1] < 0.01)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "doubted"), [("static", False), ("step", True)], ids=["as the filter has it", "a step it does not know"]
+)
+def test_a_note_tells_when_the_filter_doubts_itself_in_more_than_one_flight_in_a_hundred(inertia, doubted):
+    posed = problem("microsat", inertia, {"horizon": 200.0}, {"name": "momentum", "inertia_walk": 0.0})
+    (trial,) = fly_side_by_side(posed, [RateSquarePolicy(16.0, 3.0)], seeds("validation", 20))
+    said = [note for note in remarks(only_mission(posed), Request(), trial, []) if "restarted" in note]
+    assert bool(trial.doubted.mean() > 0.01) is doubted
+    assert [note.startswith(f"in {trial.doubted.mean():.0%} of the flights") for note in said] == [True] * doubted
+
+
+def test_std_of_the_typical_flight_stays_where_a_few_bad_ones_set_the_root_mean_square():
+    posed = problem("microsat", "static", {"horizon": 60.0})
+    (trial,) = fly_side_by_side(posed, [RateSquarePolicy(16.0, 3.0)], seeds("validation", 20))
+    std = trial.std.copy()
+    std[-1, 0] *= 100.0
+    spoilt = dataclasses.replace(trial, std=std)
+    np.testing.assert_allclose(spoilt.median_std, trial.median_std, rtol=0.2)
+    assert (spoilt.parameter_std[-1] > 10.0 * spoilt.median_std).all()
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +306,7 @@ def test_the_command_writes_table_record_picture_and_page(written):
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert str(folder) not in page + json.dumps(kept)
     assert f"--output {folder.name}" in kept["command"]
-    assert re.search(r"^Jxx +[\d.e-]+ +[\d.]+ %$", out, flags=re.M)
+    assert re.search(r"^Jxx +[\d.e-]+ +[\d.]+ % +[\d.]+ %$", out, flags=re.M)
     assert "round 1 of 1" in error
 
 
@@ -279,12 +335,33 @@ def test_a_pilot_flies_the_file(written, control):
         (PYRAMID, {}, "the manoeuvre is for 3 wheels, and microsat has 4"),
         (MICROSAT, {"decision_period": 2.0}, "commands every 1 s, and the scenario decides every 2 s"),
         (MICROSAT, {"horizon": 60.0}, "takes 120 s, and the flight ends at 60 s, before it is at rest"),
+        (
+            SATELLITES["cubesat"],
+            {},
+            r"for microsat with moments of inertia of [\d. ]+ kg m\^2, and cubesat has [\d. ]+:",
+        ),
+        (MICROSAT.replace(wheels=MICROSAT.wheels.replace(axes=-np.eye(3))), {}, "for the wheel axes of microsat"),
         (MICROSAT.replace(rate_limit=0.01), {}, "times the rate limit of microsat: design one for it"),
     ],
 )
 def test_a_manoeuvre_for_another_satellite_or_flight_is_refused(written, satellite, scenario, said):
     with pytest.raises(ValueError, match=said):
         Pilot(satellite, str(written[0] / "design.json"), control="rate", scenario=scenario)
+
+
+def test_a_changed_data_sheet_is_told_and_a_file_without_one_flies_any(written, tmp_path, capsys):
+    heavier = tmp_path / "heavier.json"
+    heavier.write_text(json.dumps(MICROSAT.replace(inertia=1.2 * MICROSAT.inertia).to_dict()))
+    flown = ["fly", "--policy", str(written[0] / "design.json"), "--control", "rate", "--inertia", "static"]
+    assert main([*flown, "--satellite", str(heavier)]) == 0
+    assert "note: designed for another data sheet of microsat; here differ: inertia" in capsys.readouterr().err
+    assert main(flown) == 0
+    assert not capsys.readouterr().err
+    kept = json.loads((written[0] / "design.json").read_text())
+    (tmp_path / "old.json").write_text(json.dumps({name: kept[name] for name in ("manoeuvre", "control")}))
+    old = ManoeuvrePolicy.read(tmp_path / "old.json")
+    assert (old.sheet, old.changes(MICROSAT)) == (None, [])
+    Pilot(SATELLITES["cubesat"].replace(rate_limit=1.0), old, control="rate")
 
 
 def test_a_manoeuvre_for_another_control_is_refused(written):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from baselines.scenarios.flights import flown
-from baselines.scenarios.four_wheels import PYRAMID, Wheels, cell_of, on_pyramid, shared_evenly
+from baselines.scenarios.four_wheels import Wheels, cell_of, shared_evenly
+from baselines.studies.worlds import PYRAMID, on_pyramid
 from satid_gym import SATELLITES, ReactionWheels, SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS

@@ -192,6 +192,11 @@ def test_a_data_sheet_survives_json():
     assert Satellite.from_dict(body.to_dict()) == body
 
 
+def _without(oscillator, name):
+    """Settings of an oscillator but for one."""
+    return {key: value for key, value in oscillator.to_dict().items() if key != name}
+
+
 REFUSED = {
     "negative mass": (lambda: TANK.replace(mass=-1.0), "oscillator mass must be finite and more than 0"),
     "no direction": (lambda: TANK.replace(direction=[0, 0, 2.0]), "slosh direction must be a unit vector"),
@@ -209,6 +214,18 @@ REFUSED = {
     "too many": (lambda: satellite(*[TANK.replace(mass=0.1)] * 9), "at most 8 oscillators"),
     "not a list": (lambda: oscillators_of("panel"), "must be a list of Panel and SloshMass"),
     "not an oscillator": (lambda: oscillators_of([3]), "must be a Panel, a SloshMass or a mapping"),
+    "misspelled hinge": (
+        lambda: oscillators_of([{**_without(PANELS, "hinge"), "hing": [0, 0.3, 0]}]),
+        "unknown setting of Panel 'hing'.*Did you mean 'hinge'",
+    ),
+    "misspelled direction": (
+        lambda: oscillators_of([{**_without(TANK, "direction"), "directon": [0, 0, 1]}]),
+        "unknown setting of SloshMass 'directon'.*Did you mean 'direction'",
+    ),
+    "neither form": (
+        lambda: oscillators_of([{"mass": 1.0, "frequency": 0.3, "damping": 0.0}]),
+        "a panel has hinge, axis, arm, a slosh mass position and direction; got .'mass', 'frequency', 'damping'.",
+    ),
     "above Nyquist": (
         lambda: SatInertiaIDEnv(satellite(PANELS.replace(frequency=6.0))),
         r"must be below half the sampling rate, 5 Hz",

@@ -229,7 +229,7 @@ def test_compare_flies_what_is_ones_own_and_keeps_it_in_full(folder):
     assert Satellite.from_dict(made["satellites"]["scout"]) == resolve_satellites("scout.toml")[0]
     assert InertiaLaw.from_dict(made["laws"]["fuel"]) == resolve_inertia("fuel.csv")
     assert results["scenario"]["horizon"] == 20.0
-    assert len(made["policies"]["ppo-mine"]["weights_sha256"]) == 64
+    assert len(made["policies"]["ppo-mine"]["sha256"]) == 64
     everything = (folder / "out" / "compare_brief.json").read_text() + (
         folder / "out" / "report_brief.html"
     ).read_text()
@@ -252,12 +252,14 @@ def test_baselines_that_have_no_settings_are_left_out_with_the_command_that_find
     names = {satellite: {policy.name for policy in team} for satellite, team in entrants.policies_for.items()}
     assert {"generalist", "mpc", "greedy", "random", "zero"} <= names["scout"]
     missing = names["cubesat"] - names["scout"]
-    assert {"rate_square", "sine", "open_loop_optimal"} <= missing
+    assert {"sine", "open_loop_optimal"} <= missing
+    assert "rate_square" in names["scout"]
     lines = [line for line in entrants.not_tuned if "'scout'" in line]
-    assert len(lines) == len(missing | set(PLANNERS))
+    assert len(lines) == len(missing | {"rate_square", *PLANNERS})
     assert entrants.definitions()["not_tuned"] == entrants.not_tuned
     said = "\n".join(lines)
     assert said.count("(meanwhile it flies with its default margin)") == len(PLANNERS)
+    assert said.count("(meanwhile its settings are made of the data sheet)") == 1
     assert (
         "rate_square has no settings for satellite 'scout' in scenario 'default': run python -m baselines.tune "
         "--satellites scout.toml --scenarios default --output my_tuned.json and add --tuned my_tuned.json"
@@ -265,12 +267,26 @@ def test_baselines_that_have_no_settings_are_left_out_with_the_command_that_find
     assert "python -m baselines.tuning.open_loop_design --satellites scout.toml" in said
 
 
+def test_what_is_not_tuned_is_one_short_note_for_each_command():
+    entrants = compare.Comparison(satellites=("scout.toml", "microsat"), scenario="brief.json", episodes=2).entrants()
+    assert len(entrants.not_tuned) > 10
+    tune, design = entrants.notes()
+    assert tune.startswith("not tuned for scout, microsat (left out: ")
+    assert "; with default settings: rate_square): run" in tune
+    assert tune.endswith(
+        ": run python -m baselines.tune --satellites scout.toml microsat --scenarios brief.json --output my_tuned.json "
+        "and add --tuned my_tuned.json"
+    )
+    assert all(tune.count(f" {name}") == 1 for name in ("rate_square", "chirp"))
+    assert "(left out: open_loop_optimal): run python -m baselines.tuning.open_loop_design" in design
+
+
 @cases(
     ("module", "line"),
     [
-        (compare, "--policies rate_square zero --satellites scout.toml --episodes 2"),
-        (evaluate, "generalist --satellites scout.toml --episodes 2"),
-        (record, "generalist --satellite scout.toml"),
+        (compare, "--policies sine zero --satellites scout.toml --episodes 2"),
+        (evaluate, "generalist --satellites scout.toml --episodes 2 --beside sine"),
+        (record, "generalist --satellite scout.toml --beside sine"),
     ],
 )
 def test_a_baseline_that_was_asked_for_and_has_no_settings_is_refused_with_the_command(module, line):
@@ -279,6 +295,13 @@ def test_a_baseline_that_was_asked_for_and_has_no_settings_is_refused_with_the_c
     assert errors.count("\n") == 1
     assert "python -m baselines.tune --satellites scout.toml --scenarios default --output my_tuned.json" in errors
     assert "--tuned my_tuned.json" in errors
+
+
+def test_the_square_wave_flies_any_satellite_and_the_evaluation_says_that_it_is_not_tuned(tmp_path):
+    code, printed, errors = call(evaluate, "generalist --satellites scout.toml --modes static --episodes 2")
+    assert code == 0, errors
+    said = " ".join(printed.split())
+    assert "not tuned for scout (with default settings: rate_square): run python -m baselines.tune" in said
 
 
 def few(monkeypatch):
@@ -317,6 +340,44 @@ def test_tuned_and_designed_for_a_satellite_of_ones_own(folder, monkeypatch):
     code, _, errors = call(compare, f"{flown} --policies rate_square {prepared}")
     assert code == 2
     assert "my_tuned.json was made for another scout than that of scout.toml: run python -m baselines.tune" in errors
+
+
+@pytest.mark.parametrize("module", [amplitudes, open_loop_design])
+def test_what_is_found_for_one_satellite_leaves_the_settings_of_others(module, folder, monkeypatch):
+    few(monkeypatch)
+    monkeypatch.setattr(amplitudes, "tunable", lambda: ["one_step", "mpc"])
+    small = "--population 4 --elite 2 --rounds 1" if module is open_loop_design else ""
+    line = f"--scenarios brief.json --output found.json {small} --episodes"
+
+    def found(more):
+        code, _, errors = call(module, f"{line} {more}")
+        assert code == 0, errors
+        made = json.loads((folder / "found.json").read_text())
+        return {(e.get("policy"), e["satellite"]): e for e in made["entries"]}, made["definitions"]["satellites"]
+
+    first, _ = found("2 --satellites scout.toml cubesat")
+    old = json.loads((folder / "found.json").read_text())
+    old["revision"] = "a1"
+    for entry in old["entries"]:
+        del entry["revision"]  # as files of before had none
+    (folder / "found.json").write_text(json.dumps(old))
+    second, defined = found("3 --satellites cubesat")
+    assert second.keys() == first.keys()
+    assert set(defined) == {"scout"}
+    for key, entry in second.items():
+        if key[1] == "scout":
+            assert entry == {**first[key], "revision": "a1"}
+        else:
+            assert (entry["revision"], entry["episodes"]) == (first[key]["revision"], 1 if key[0] == "mpc" else 3)
+    (folder / "scout.toml").write_text(SCOUT.replace("2.4", "2.5"))
+    third, _ = found("2 --satellites scout.toml --scenarios default")
+    assert {key: e["scenario"] for key, e in third.items() if key[1] == "scout"} == dict.fromkeys(
+        (key for key in first if key[1] == "scout"), "default"
+    ), "the other scout's are void"
+    (folder / "found.json").write_text("[]")
+    code, _, errors = call(module, f"{line} 2 --satellites cubesat")
+    assert code == 2
+    assert "found.json holds no entries: give another --output" in errors
 
 
 @pytest.mark.parametrize("module", [amplitudes, open_loop_design])

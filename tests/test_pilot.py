@@ -241,6 +241,9 @@ def test_a_wrong_unit_is_refused_in_one_line():
     assert "rpm" in pilot.status.message
     with pytest.raises(ValueError, match=r"gyro must have shape \(3,\), got \(2,\)"):
         pilot.step(0.2, np.zeros(2), np.zeros(3))
+    for use in (pilot.step, pilot.start):
+        with pytest.raises(ValueError, match=r"^time must be finite, got nan: give the stamp of the readings"):
+            use(np.nan, np.zeros(3), np.zeros(3))
 
 
 class Mad:
@@ -265,3 +268,23 @@ def test_a_policy_without_a_number_gives_no_torque():
     assert not torque[30:].any()
     assert pilot.status.state == "coasting"
     assert "policy mad gave no action" in pilot.status.message or not pilot.status.message
+
+
+@cases("kind", ["tachometer", "gyro"])
+def test_a_wrong_reading_that_is_possible_ruins_the_estimate_unless_the_filter_has_a_gate(kind):
+    def spoil(k, time, gyro, speed):
+        if k == 505:
+            return [(time, gyro, 0.0 * speed)] if kind == "tachometer" else [(time, gyro + 0.1, speed)]
+        return [(time, gyro, speed)]
+
+    worst = np.zeros(2)
+    for seed in (5, 6, 7):
+        for i, estimator in enumerate((None, {"name": "adaptive", "gate": 1e-6})):
+            pilot = Pilot("microsat", "rate_square", estimator=estimator)
+            flight = Flight("microsat", rate_square("microsat"), "default", seed=seed)
+            flown(pilot, flight, spoil, 100)
+            truth = np.diag(flight.fleets[0].rows.reports[0]["inertia_true"])
+            worst[i] += np.abs(pilot.estimate.theta / truth - 1.0).max() / 3.0
+            assert pilot.status.counts == dict.fromkeys(pilot.status.counts, 0), "it may be true"
+    assert worst[0] > 0.01, "50 s later"
+    assert worst[1] < 0.2 * worst[0]

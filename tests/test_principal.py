@@ -18,7 +18,7 @@ PRODUCTS = (6, 7, 8)  # states of the full filter that the one of three moments 
 
 def _observed(p, parts, correlation):
     """Observation of p parameters whose states are correlated as said, other parts as given."""
-    places = layout(0, p, OTHERS, "body", 0, 3, False, True)
+    places = layout(0, p, OTHERS, "body", 0, 3, True, True, (True, False), True)
     observed = np.zeros(max(place.stop for place in places.values()))
     for name, values in parts.items():
         observed[places[name]] = values

@@ -292,7 +292,7 @@ def test_rates_keep_off_the_limit_by_the_scale_of_the_gyro(given_by):
 
 
 def test_several_satellites_have_no_common_mission():
-    with pytest.raises(ValueError, match=r"told of one satellite, and here are \['cubesat', 'microsat'\]"):
+    with pytest.raises(ValueError, match=r"prepared for one satellite, and the problem has \['cubesat', 'microsat'\]"):
         fly(Steps(), satellite=["cubesat", "microsat"], inertia="static", seeds=[1], control="rate")
 
 

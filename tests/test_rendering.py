@@ -373,6 +373,41 @@ def test_a_panel_is_drawn_at_its_hinge_and_along_its_arm():
         assert min(np.linalg.norm(points.mean(axis=0) - middle) for middle in middles) < 1e-6
 
 
+def test_panels_stay_in_the_view_and_clear_of_the_words_below_whatever_the_attitude():
+    env = SatInertiaIDEnv("microsat", "static", "flex", render_mode="rgb_array")
+    env.reset(seed=3)
+    env.step(np.zeros(3, np.float32))
+    history, drawn = env._history, []
+    canvas = SimpleNamespace(polygon=lambda points, *_: drawn.append(np.asarray(points)), line=lambda *_, **__: None)
+    for attitude in Rotation.random(200, random_state=0).as_quat():
+        history._series["attitude"][history.count - 1] = attitude
+        appendages = Appendages(Scene(canvas, (136.0, 144.0), 82.0, history))
+        for front in (True, False):
+            appendages.panels(front=front)
+    x, y = np.concatenate(drawn).T
+    assert (x.min(), x.max()) > (0.0, 0.0)
+    assert x.max() < 272.0
+    assert y.min() > 36.0
+    assert y.max() < 244.0  # words are from 245 to 255
+    assert y.max() > 230.0  # and no room is wasted
+
+
+def test_the_name_of_an_axis_is_beside_the_cone_along_it():
+    env = SatInertiaIDEnv("microsat", "static", "operations", render_mode="rgb_array")
+    env.reset(seed=3)
+    scene, places = Scene(Canvas(480, 480), (240.0, 240.0), 100.0, env._history), {}
+    payload = Payload(env._history, env._history.operations)
+    axis = int(np.argmax(payload._axis))
+    for cones in ([], [payload]):
+        scene.canvas = SimpleNamespace(
+            text=lambda place, name, *_: places.setdefault(name, []).append(np.array(place)), line=lambda *_, **__: None
+        )
+        scene.body_axes(cones)
+    moved = {name: np.linalg.norm(both[1] - both[0]) for name, both in places.items()}
+    beside = 30.0 * np.tan(payload._half) + 9.0
+    assert moved == pytest.approx({name: beside if i == axis else 0.0 for i, name in enumerate("xyz")})
+
+
 # a star tracker
 
 

@@ -11,6 +11,7 @@ from agents.benchmark import evaluate
 from agents.training import sac, train
 from agents.training.run import Run
 from agents.training.sac import SACSettings
+from agents.training.sb3.loop import Training
 from agents.training.train import named, resumed
 from baselines.command.cli import exit_code
 from satid_gym.policies.learned import LearnedPolicy
@@ -41,16 +42,17 @@ def finished(tmp_path_factory):
 
 def test_a_stopped_run_resumes_with_the_same_networks_and_replay_buffer(finished, tmp_path, monkeypatch, capsys):
     run = Run(SMALL, tmp_path / "stopped", resume=False, module="agents.train")
-    save = run.save
+    save = Training.save
 
-    def stop(model, env, **notes):
-        save(model, env, **notes)
-        if model.num_timesteps >= 240:
+    def stop(training):
+        save(training)
+        if training.model.num_timesteps >= 240:
             raise KeyboardInterrupt
 
-    run.save = stop
-    with pytest.raises(KeyboardInterrupt):
-        sac.train(run)
+    with monkeypatch.context() as patch:
+        patch.setattr(Training, "save", stop)
+        with pytest.raises(KeyboardInterrupt):
+            sac.train(run)
     assert not (run.folder / "timing.json").exists()
     monkeypatch.setattr(sys, "argv", ["train", "--run", str(run.folder), "--resume"])
     assert exit_code(train.main) == 0  # which algorithm, is in the folder

@@ -112,3 +112,10 @@ def test_wrong_limits_are_refused(limits, said):
     for wrap, env in ((SafetyEnv, SatInertiaIDEnv()), (SafetyVectorEnv, SatInertiaIDVectorEnv(1))):
         with pytest.raises(ValueError, match=said):
             wrap(env, limits)
+
+
+def test_an_environment_without_costs_is_refused():
+    env = SafetyEnv(gymnasium.make("Pendulum-v1"))
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"info has no costs, only \[\]: expected SatInertiaIDEnv"):
+        env.step(env.action_space.sample())

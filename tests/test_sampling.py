@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from baselines.studies.consistency import ConsistencyStudy
 from baselines.studies.consistency import main as consistency_main
-from baselines.studies.worlds import OBSERVATORY, policy_for
+from baselines.studies.worlds import OBSERVATORY, WORLDS, policy_for
 from satid_gym import SATELLITES, SCENARIOS, Scenario
 from satid_gym.estimators import AdaptiveEKF, MomentumEKFSettings
 from satid_gym.evaluation import fly, seeds
@@ -89,6 +89,18 @@ def test_a_body_that_motors_hardly_shake_is_updated_in_errors_of_its_rate():
     policy = policy_for("multi_step", OBSERVATORY, Scenario())
     assert 0.3 < nees(OBSERVATORY, "periodic", policy, "default") < 2.0
     assert nees(OBSERVATORY, "periodic", policy, "default", rate_coordinates=False) > 4.0
+
+
+def test_a_satellite_that_is_flown_slower_does_not_get_what_was_tuned_for_its_name():
+    """At 0.5 deg/s in place of 0.05 rad/s; a sine of 0.01 Hz then reaches a quarter of the limit, after 50 s."""
+    own = SATELLITES["cubesat"]
+    slow = own.replace(rate_limit=np.deg2rad(0.5))
+    assert slow in WORLDS["tracker to 1 deg/s, flown to 0.5 deg/s, scale 0.1 %"].satellites
+    tuned, slower = (policy_for("sine", satellite, Scenario()).amplitude for satellite in (own, slow))
+    assert tuned == make_baseline("sine", "cubesat").amplitude
+    reached = slower * np.min(slow.wheels.max_torque) * 50.0 / np.mean(np.diag(slow.inertia))
+    assert reached == pytest.approx(0.25 * slow.rate_limit)
+    assert slower < 0.25 * tuned
 
 
 def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, monkeypatch, capsys):

@@ -3,6 +3,7 @@
 import json
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -70,6 +71,10 @@ def test_units_on_the_command_line_and_a_slip_that_is_named(flight, tmp_path, ca
         (["fly", "--policy", "nobody"], "unknown policy"),
         (["export", "--policy", "rate-square"], "Did you mean 'rate_square'"),
         (["fly", "--satellite", "nothing"], "unknown satellite 'nothing'"),
+        (["fly", "--seed", "-3"], "--seed must be an integer of at least 0, got -3"),
+        (["fly", "--policy", "rigid_tuor"], "Did you mean 'rigid_tour'?"),
+        (["fly", "--policy", "rigid_tour"], "rigid_tour commands body rates: add --control rate"),
+        (["fly", "--policy", "shaped_square"], "shaped_square commands body rates: add --control rate"),
         (["fly", "--picture", "a.gif"], "--picture takes a file that ends in .png"),
         (["fly", "--video", "a.avi"], "--video takes a file that ends in .mp4 or .gif"),
     ],
@@ -82,12 +87,72 @@ def test_mistakes_end_with_one_line(arguments, message, tmp_path, capsys, monkey
     assert error.count("\n") == 1
 
 
+@cases(
+    "arguments",
+    [
+        ["design", "nosat", "--output", "new/design"],
+        ["identify", "nofile.csv", "--satellite", "microsat", "--output", "new"],
+        ["export", "--policy", "mpc", "--output", "new"],
+        ["fly", "--satellite", "nosat", "--log", "new/flight.csv"],
+    ],
+)
+def test_a_command_that_fails_leaves_no_folder(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "new").mkdir()
+    assert main(arguments) == 2
+    assert [one.name for one in tmp_path.rglob("*")] == ["new"]
+
+
 def test_fly_prints_a_flight(capsys):
     assert main(["fly", "--satellite", "cubesat", "--policy", "rate_square", "--inertia", "static", "--seed", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "cubesat, rate_square, seed 1"
     assert len(lines) == 12
     assert float(lines[-1].split()[2].rstrip("%")) < 0.1
+
+
+def test_identify_reads_the_log_of_a_flight(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    flown = ["fly", "--satellite", "cubesat", "--policy", "rate_square", "--inertia", "static", "--log", "flight.csv"]
+    assert main(flown) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[-1] == "written to flight.csv"
+    assert main(["identify", "flight.csv", "--satellite", "cubesat", "--output", "found"]) == 0
+    assert "rad/s" in (tmp_path / "flight.csv").read_text().splitlines()[0]
+    found = json.loads((tmp_path / "found" / "identification.json").read_text())
+    env = gymnasium.make("SatInertiaID-v0", satellite="cubesat", inertia="static")
+    _, info = env.reset(seed=0)
+    std = np.sqrt(np.diag(found["covariance"]))[:3]
+    away = np.abs(np.diag(found["inertia"]) - np.diag(info["inertia_true"]))
+    assert (away < 4.0 * std).all()
+    assert (std < 0.01 * np.diag(info["inertia_true"])).all()
+    plain = [*flown[:-2], "--seed", "0"]
+    assert main(plain) == 0
+    assert capsys.readouterr().out.splitlines()[-12:] == shown[:-1]  # the log changes nothing
+
+
+@cases(
+    ("arguments", "limit"),
+    [
+        (["--policy", "random"], "a body rate beyond 3"),
+        (["--scenario", "flex", "--policy", "random"], "a deflection beyond 4"),
+    ],
+)
+def test_fly_says_when_and_why_an_episode_ends_early(arguments, limit, capsys):
+    assert main(["fly", "--inertia", "static", *arguments]) == 0
+    *_, row, said = capsys.readouterr().out.splitlines()
+    assert said == f"ended at {row.split()[0]} s: {limit} times its limit"
+
+
+def test_a_network_that_does_not_fit_is_refused_with_what_can_add_numbers(tmp_path, capsys):
+    path = tmp_path / "uncertain.json"
+    path.write_text(json.dumps(CUBESAT.replace(tolerances={"gyro_bias": 1e-4, "gyro_scale": 1e-3}).to_dict()))
+    assert main(["fly", "--satellite", str(path), "--policy", "universal", "--control", "rate"]) == 2
+    error = capsys.readouterr().err
+    assert "tolerances, panels, tanks and a star tracker in the data sheet add numbers too" in error
+    assert error.endswith("rate_square flies any satellite\n")
 
 
 def test_rate_square_flies_a_satellite_that_it_was_not_tuned_for(flight, capsys):

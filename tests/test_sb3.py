@@ -8,7 +8,8 @@ from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 
 from satid_gym import SatInertiaIDVectorEnv
-from satid_gym.sb3 import SatInertiaIDVecEnv
+from satid_gym.gym_api import COSTS
+from satid_gym.sb3 import RateCommandVecEnv, SatInertiaIDVecEnv
 
 HORIZON = 7
 
@@ -54,6 +55,33 @@ def test_the_last_info_sums_the_episode_up(adapter):
         assert 0.0 < info["relative_error"] < 1.0
 
 
+def test_the_last_info_has_the_mean_costs_of_the_episode():
+    """A Lagrangian callback could not see a cost: infos had none."""
+    settings = {"satellite": "cubesat", "max_episode_steps": 8}
+    adapter = SatInertiaIDVecEnv(3, stagger=True, **settings)
+    vector = SatInertiaIDVectorEnv(3, autoreset_mode=AutoresetMode.SAME_STEP, stagger=True, **settings)
+    adapter.seed(7)
+    adapter.reset()
+    vector.reset(seed=7)
+    flown, ends = [[] for _ in range(3)], 0
+    actions = np.outer([0.02, 0.1, 0.2], [1.0, -1.0, 1.0]).astype(np.float32)  # some turn beyond their limit
+    for t in range(24):
+        _, _, dones, infos = adapter.step(actions)
+        _, _, _, _, expected = vector.step(actions)
+        for i in range(3):
+            costs = (expected["final_info"] if dones[i] else expected)["costs"]
+            flown[i].append([costs[name][i] for name in COSTS])
+            if dones[i]:
+                np.testing.assert_allclose(list(infos[i]["costs"].values()), np.mean(flown[i], axis=0), rtol=1e-12)
+                assert tuple(infos[i]["costs"]) == COSTS
+                ends, flown[i] = ends + (infos[i]["costs"]["rate"] > 0.0), []
+        if t == 10:  # in mid-episode
+            state = adapter.state()
+            adapter.reset()
+            adapter.restore(state)
+    assert ends >= 2
+
+
 @pytest.mark.parametrize("bootstrap", [True, False])
 def test_the_horizon_is_a_time_limit_only_where_asked(bootstrap):
     env = SatInertiaIDVecEnv(2, bootstrap=bootstrap, max_episode_steps=1)
@@ -61,6 +89,15 @@ def test_the_horizon_is_a_time_limit_only_where_asked(bootstrap):
     _, _, dones, infos = env.step(np.zeros((2, 3), np.float32))
     assert dones.all()
     assert [info["TimeLimit.truncated"] for info in infos] == [bootstrap] * 2
+
+
+@pytest.mark.parametrize("kind", [SatInertiaIDVecEnv, RateCommandVecEnv])
+def test_the_spaces_of_one_environment_are_those_of_one(kind):
+    env = kind(4, satellite="microsat")
+    for name in ("action_space", "observation_space"):
+        assert env.get_attr(name) == [getattr(env, name)] * 4
+    assert env.get_attr("action_space", [1])[0].shape == (3,)
+    assert env.get_attr("problem")[0] is env.vector_env.problem
 
 
 def test_observations_do_not_change_after_they_are_given(adapter):

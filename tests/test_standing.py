@@ -70,10 +70,10 @@ def test_an_unknown_policy_is_refused():
 
 
 def test_the_claims_say_who_is_inside_and_of_how_many_episodes_the_times_are():
-    said = " ".join(results_tables.claims(comparison(), TIMING).split())
+    said = " ".join(readme.claims(comparison(), TIMING).split())
     assert "`net` is inside the envelope in 2 of 2 cells" in said
     assert "0.20 to 0.20 of that of the best of the paper's eight profiles inside the envelope (1 of 2 cells" in said
-    assert "lower in 1 cells, level in 1, higher in 0" in said
+    assert "lower in 1 of the cells, level in 1, higher in 0" in said
     assert "A decision takes 0.1 ms when one episode flies alone (1/10 of `mpc`'s time)" in said
     assert "0.02 ms an episode when 100 fly side by side (1/100)." in said
 
@@ -82,7 +82,7 @@ def test_the_claims_where_no_profile_is_inside_in_any_cell():
     results = comparison()
     results["records"] = [{**r, "outside_fraction": 0.5} if r["policy"] == "sine" else r for r in results["records"]]
     assert "None of the paper's eight profiles is inside the envelope in any cell" in " ".join(
-        results_tables.claims(results, TIMING).split()
+        readme.claims(results, TIMING).split()
     )
 
 

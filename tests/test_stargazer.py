@@ -1,8 +1,7 @@
-"""Policy of scenario "calibration": switches, commands that are repeated, the comparison, and what is shipped."""
+"""Policy of scenario "calibration": switches, commands that are repeated, and what is shipped."""
 
 from __future__ import annotations
 
-import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,16 +12,10 @@ from agents.training.ppo import PPOSettings
 from agents.training.sac import SACSettings
 from agents.training.sb3.switches import SwitchedVecEnv, commands, with_switches
 from agents.training.train import named
-from baselines.scenarios import compare
-from baselines.scenarios.compare import Comparison, against
-from baselines.scenarios.flights import Cell, flown
-from satid_gym.evaluation import seeds
 from satid_gym.flightcode.policy_source import policy_source
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
-from satid_gym.policies.reference import ZeroPolicy
-from satid_gym.policies.shipped import RATE_PRETRAINED
 from satid_gym.policy import observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.sb3 import RateCommandVecEnv
@@ -81,6 +74,48 @@ def test_a_step_of_switches_is_as_many_decisions_with_their_rewards():
                 assert own["episode"]["l"] == 12
 
 
+def test_episodes_that_start_staggered_end_with_a_step():
+    """Of five environments three would begin 2, 7 and 9 decisions late."""
+    env = SwitchedVecEnv(5, repeat=4, stagger=True, **SETTINGS)
+    env.seed(7)
+    env.reset()
+    decision, left = env.vector_env.fleet.rows.tasks["decision"], env.vector_env.problem.layout["time_left"]
+    assert decision.tolist() == [0, 0, 4, 4, 8]
+    for step in range(1, 7):
+        observation, _, dones, infos = env.step(np.zeros((5, 4), int))
+        np.testing.assert_array_equal(decision, (4 * step + np.array([0, 0, 4, 4, 8])) % 12)
+        np.testing.assert_array_equal(dones, decision == 0)
+        np.testing.assert_array_equal(observation[dones, left], 1.0)
+        assert all(infos[i]["terminal_observation"][left] == 0.0 for i in np.flatnonzero(dones))
+    env.close()
+
+
+def test_what_follows_an_episode_that_ends_within_a_step_begins_with_a_command():
+    one, many = RateCommandVecEnv(2, **SETTINGS), SwitchedVecEnv(2, repeat=4, **SETTINGS)
+    for env in (one, many):
+        env.seed(7)
+        env.reset()
+        env.vector_env.fleet.rows.tasks["termination_rate"][1] = 0.0  # of this episode
+    switches = np.ones((2, 4), int)
+    first = one.step(commands(switches))
+    observation, reward, dones, infos = many.step(switches)
+    assert dones.tolist() == [False, True]
+    assert reward[1] == first[1][1]
+    np.testing.assert_array_equal(infos[1]["terminal_observation"], first[3][1]["terminal_observation"])
+    assert infos[1]["episode"]["l"] == 1
+    assert many.vector_env.fleet.rows.tasks["decision"].tolist() == [4, 0]
+    assert observation[1, many.vector_env.problem.layout["time_left"]] == 1.0
+    paid = np.zeros(2)
+    for step in range(3):
+        _, reward, dones, infos = many.step(switches)
+        paid += reward
+        assert dones.tolist() == [step == 1, step == 2]
+    assert infos[1]["episode"]["l"] == 12
+    assert infos[1]["episode"]["r"] == pytest.approx(paid[1], rel=1e-5)
+    for env in (one, many):
+        env.close()
+
+
 def test_a_step_divides_the_episode():
     with pytest.raises(ValueError, match="repeat must divide the 12 decisions"):
         SwitchedVecEnv(1, repeat=5, **SETTINGS)
@@ -118,31 +153,6 @@ def test_commands_are_repeated_also_after_saving(tmp_path):
             np.testing.assert_array_equal(policy(row), decided[i - i % 4])
 
 
-def test_ratios_are_of_means_and_clear_by_the_paired_interval():
-    episodes = np.linspace(1.0, 2.0, 40)
-    lower, other = episodes - 0.1, episodes + 0.3 * (-1.0) ** np.arange(40)
-    rows = [{"expected": values.tolist(), "error": values[::-1].tolist()} for values in (lower, episodes, other)]
-    assert against(rows[0], rows[1])["expected"] == {"ratio": pytest.approx(1.4 / 1.5), "clear": -1}
-    assert against(rows[1], rows[0])["error"] == {"ratio": pytest.approx(1.5 / 1.4), "clear": 1}
-    assert against(rows[2], rows[1])["expected"]["clear"] == 0
-
-
-def test_the_shipped_policy_beats_zero_and_stops(tmp_path, capsys):
-    given = {"satellites": ("microsat",), "inertias": ("static",), "rivals": ("zero",), "split": "validation"}
-    settings = Comparison(policy="stargazer", episodes=4, output=tmp_path / "found.json", **given)
-    settings.check()
-    assert compare.main(settings) == 0
-    own, zero = json.loads((tmp_path / "found.json").read_text())["summary"]
-    assert own["expected"] < 0.25 * zero["expected"]
-    assert own["largest_cost"] <= 0.01
-    assert own["first_over_it"]["expected"]["ratio"] == 1.0
-    assert "zero" in capsys.readouterr().out
-    direct = flown(
-        Cell(scenario="calibration", satellite="microsat", inertia="static"), ZeroPolicy(), seeds("validation", 4)
-    )
-    assert zero["expected"] == pytest.approx(direct.expected.mean(), rel=1e-4)
-
-
 def test_the_shipped_policy_is_of_the_named_settings():
     policy = find("stargazer")
     trained = policy.details["trained"]["settings"]  # settings that came later have their defaults
@@ -157,8 +167,3 @@ def test_c_and_onnx_refuse_a_policy_that_repeats_its_commands():
         policy_source(SimpleNamespace(policy=policy))
     with pytest.raises(ValueError, match="a graph without memory"):
         graph(policy, only_mission(problem("microsat", "static", "calibration", control="rate", observation="body")))
-
-
-def test_a_rival_has_another_name():
-    with pytest.raises(ValueError, match="NAME=PATH"):
-        Comparison(policy=f"mpc={RATE_PRETRAINED / 'stargazer'}", rivals=("mpc",)).check()

@@ -141,6 +141,17 @@ def test_differences_of_a_billionth_are_none(plain):
     assert stored.differing(plain["records"], near) == {}
 
 
+def test_a_figure_that_older_results_lack_is_no_difference(tmp_path, plain, full, capsys):
+    """The cost is newer than the stored figures of the planners, which the table then shows without one."""
+    for r in full["records"]:
+        del r["cost"]
+    results = {**plain, "stored": find(tmp_path, full, plain)}
+    assert results["stored"]["records"]
+    shown = stored.with_stored(results)
+    print_comparison(shown["records"], "", results["bounds"], results["efficiencies"])
+    assert "mpc (stored)" in capsys.readouterr().out
+
+
 @cases("text", ["", "[]", '{"records": []}', '{"records": [5], "efficiencies": []}'])
 def test_a_damaged_file_gives_no_figures_but_a_note(tmp_path, plain, text):
     file = tmp_path / "compare.json"
@@ -212,8 +223,8 @@ def test_a_plain_comparison_keeps_the_planners_figures_that_it_would_overwrite(t
 
 def test_the_command_shows_stored_figures_and_overwrites_none(tmp_path, plain, full, monkeypatch, capsys):
     """From the command line, with two baselines in the place of all: the episodes are those of `full`."""
-    few = {name: baseline for name, baseline in BASELINES.items() if name in (*SHORT, *PLANNERS)}
-    monkeypatch.setattr("agents.benchmark.entrants.BASELINES", few)
+    few = [name for name in BASELINES if name in (*SHORT, *PLANNERS)]
+    monkeypatch.setattr("agents.benchmark.entrants.baselines_of", lambda scenario, control: few)
     monkeypatch.setattr("agents.benchmark.entrants.names", list)
     write(full, tmp_path)
     flown, original = [], Cell.start

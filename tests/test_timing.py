@@ -1,6 +1,7 @@
 """Sensors of a data sheet: what late, averaged and counted readings are, and how the filter stays honest with them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -346,10 +347,13 @@ def test_the_study_keeps_the_cells_of_other_worlds(tmp_path, monkeypatch):
         consistency_main(ConsistencyStudy(worlds=("as nominal",), merge=True, **{**settings, "episodes": 2}))
 
 
-@pytest.mark.parametrize(("revision", "again"), [("a1", 1), ("a1-dirty", 2), ("unknown", 2)])
-def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkeypatch, revision, again):
-    """Without --merge, cells of another revision do not stay."""
-    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: revision)
+def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkeypatch):
+    """Cells of another revision stay with --merge alone, and are replaced with --again alone."""
+
+    def at(revision):
+        monkeypatch.setattr("baselines.command.provenance.revision", lambda _: revision)
+
+    at("a1")
     settings = {"policies": ("zero",), "satellites": ("cubesat",), "inertias": ("static",), "episodes": 2}
     worlds, output = ("as nominal", "integrating gyro"), tmp_path / "consistency.json"
     flown, stop = [], 2
@@ -365,18 +369,32 @@ def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkey
     with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
         consistency_main(study)
     (first,) = json.loads(output.read_text())["cells"]
-    assert first["revision"] == revision
+    assert first["revision"] == "a1"
     flown, stop = [], None
     assert consistency_main(study) == 0
-    assert len(flown) == again
+    assert len(flown) == 1
     both = json.loads(output.read_text())["cells"]
     assert [own["world"] for own in both] == list(worlds)
     assert both[0] == first
-    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "b2")
-    assert consistency_main(ConsistencyStudy(worlds=worlds[1:], output=output, **settings)) == 0
-    assert [own["revision"] for own in json.loads(output.read_text())["cells"]] == ["b2"]
+
+    at("b2")
+    second = replace(study, worlds=worlds[1:])
+    for other, said in ((study, "revision = a1"), (second, "other worlds, revision = a1")):
+        with pytest.raises(UserError, match=f"was flown with {said}: give another --output, or --again"):
+            consistency_main(other)
+    assert consistency_main(replace(second, merge=True)) == 0
+    assert [own["revision"] for own in json.loads(output.read_text())["cells"]] == ["a1", "b2"]
     flown = []
-    assert consistency_main(ConsistencyStudy(worlds=worlds[1:], output=output, merge=True, **settings)) == 0
-    assert not flown, "all are of this revision"
-    assert consistency_main(ConsistencyStudy(worlds=worlds[:1], output=output, **settings)) == 0
-    assert [own["world"] for own in json.loads(output.read_text())["cells"]] == [worlds[0]]
+    assert consistency_main(replace(second, merge=True)) == 0
+    assert not flown, "it is of this revision"
+    assert consistency_main(replace(second, merge=True, again=True)) == 0
+    assert len(flown) == 1
+    assert len(json.loads(output.read_text())["cells"]) == 2
+    assert consistency_main(replace(second, again=True)) == 0
+    assert [own["world"] for own in json.loads(output.read_text())["cells"]] == [worlds[1]]
+
+    at("b2-dirty")
+    flown = []
+    assert consistency_main(replace(second, merge=True)) == 0
+    assert consistency_main(replace(second, merge=True)) == 0
+    assert len(flown) == 2, "the code may have changed meanwhile"

@@ -64,6 +64,19 @@ def test_on_the_way_to_the_target_it_turns_about_the_boresight_as_it_last_did(bo
     assert gaps(soon, excitation)[0, 2] == 0.0  # it has to come to rest
 
 
+def test_an_episode_that_leaves_slews_though_there_is_time():
+    own = mission(SCENARIOS["operations"])
+    gaps = Gaps([own], 3.5, 3.0, "test")
+    gaps.begin(2)
+    away = -SCENARIOS["operations"].operations.boresight
+    free = np.repeat(observed(own, window=[0.9, 1.4], target=[0.5, 0.0, 0.0], sun=away), 2, axis=0)
+    excitation = np.tile([0.2, -0.4, 0.6], (2, 1))
+    stays, leaves = gaps(free, excitation, np.array([False, True]))
+    np.testing.assert_array_equal(stays, excitation[0])
+    assert leaves[0] > 0.5
+    assert leaves[1] == 0.0
+
+
 def test_a_batch_of_satellites_flies_each_as_it_would_alone():
     names = ["cubesat", "microsat", "smallsat"]
     env = SatInertiaIDVectorEnv(6, names, "static", "operations", num_threads=1, **SETTINGS)

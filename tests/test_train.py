@@ -1,6 +1,7 @@
 """Training: a stopped run goes on with the same result; bad settings are refused before anything starts."""
 
 import importlib
+import itertools
 import json
 import shutil
 import sys
@@ -8,16 +9,19 @@ import sys
 import numpy as np
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from agents.training import ppo, select
 from agents.training.ppo import PPOSettings
-from agents.training.run import Run, merit, validate
-from agents.training.sb3.loop import environment
+from agents.training.run import Run, merit, summary, validate
+from agents.training.sb3.loop import Training, environment
+from agents.training.settings import policy_of
 from agents.training.train import main, named
 from baselines import tuned_entry
 from baselines.command.cli import exit_code
 from satid_gym import RewardSettings
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.profiles import PROFILES
 
 pytestmark = pytest.mark.slow  # trains
@@ -40,16 +44,17 @@ def run(folder, steps, *, resume=False):
     settings = PPOSettings.from_dict({**SMALL, "steps": 640})
     task = Run(settings, folder, resume=resume, module="test")
     if steps < 640:
-        save = task.save
+        save = Training.save
 
-        def stop(model, env, **notes):
-            save(model, env, **notes)
-            if model.num_timesteps >= steps:
+        def stop(training):
+            save(training)
+            if training.model.num_timesteps >= steps:
                 raise KeyboardInterrupt
 
-        task.save = stop
-        with pytest.raises(KeyboardInterrupt):
-            ppo.train(task)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Training, "save", stop)
+            with pytest.raises(KeyboardInterrupt):
+                ppo.train(task)
         return None
     return {k: v.clone() for k, v in ppo.train(task).policy.state_dict().items()}
 
@@ -170,10 +175,39 @@ def test_the_command_line_ends_with_one_line(arguments, monkeypatch, capsys):
 
 
 def test_better_policies_have_lower_merit():
-    row = {"final_error": 0.002, "mean_error": 0.004, "outside_fraction": 0.005, "saturated_fraction": 0.0}
+    row = {"final_error": 0.002, "mean_error": 0.004, "cost": 0.005}
     assert merit([row]) == pytest.approx(np.sqrt(0.002 * 0.004))
-    assert merit([{**row, "outside_fraction": 0.03}]) == pytest.approx(3 * merit([row]))
-    assert merit([{**row, "saturated_fraction": 0.02}]) == pytest.approx(2 * merit([row]))
+    assert merit([{**row, "cost": 0.03}]) == pytest.approx(3 * merit([row]))
+
+
+def test_a_policy_that_misses_imaging_windows_is_the_worse_for_it():
+    """It once counted as within all limits: no rate was outside its own and no wheel saturated."""
+    settings = PPOSettings(scenario="operations", satellite="microsat")
+    size = environment(settings).observation_space.shape[0]
+    still = Network((np.zeros((3, size), np.float32),), (np.zeros(3, np.float32),))
+    (row,) = validate(policy_of(still, settings), settings, 2)
+    assert row["outside_fraction"] == row["saturated_fraction"] == 0.0
+    assert row["cost"] > 0.1
+    assert merit([row]) == pytest.approx(row["cost"] / 0.01 * np.sqrt(row["final_error"] * row["mean_error"]))
+    assert f" {100 * row['cost']:.3f}" in summary([row])
+
+
+def test_every_validation_is_in_tensorboard_at_its_own_step(finished):
+    """A run with fewer than ten updates once left a file without a number."""
+    events = EventAccumulator(str(finished[0] / "tensorboard"))
+    events.Reload()
+    for name in ("final_error", "cost"):
+        assert [event.step for event in events.Scalars(f"validation_microsat/{name}")] == [0, 160, 320, 480, 640]
+
+
+def test_a_run_says_after_how_many_decisions_the_kept_policy_was(tmp_path, monkeypatch, capsys):
+    for name, sign, decisions in (("better", -1, 640), ("worse", 1, 0)):
+        steps = itertools.count()
+        monkeypatch.setattr("agents.training.run.merit", lambda *_, sign=sign, steps=steps: sign * next(steps))
+        run(tmp_path / name, 640)
+        said = capsys.readouterr()
+        assert f"policy with the best validation score, after {decisions} decisions: {tmp_path / name}" in said.out
+        assert ("warning: that is the network from before training" in said.err) == (decisions == 0)
 
 
 def test_the_choice_flies_every_run_and_ships_the_better_one(copy, finished, tmp_path, monkeypatch, capsys):
@@ -219,13 +253,32 @@ def test_a_policy_that_does_not_say_how_it_was_trained_is_not_chosen(copy, monke
     assert errors.count("\n") == 1
 
 
-def test_runs_for_different_satellites_are_not_compared(copy, finished, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"satellite": "cubesat"}, "satellites"),
+        ({"inertia": "static"}, "inertia"),
+        ({"scenario": "tight"}, "scenario"),
+        ({"tracked": True}, "actions"),
+        ({"judged_by": "reward"}, "judged_by"),
+        ({"inertia": "static", "judged_by": "reward"}, "inertia, judged_by"),
+    ],
+)
+def test_runs_of_different_worlds_are_not_compared(copy, finished, monkeypatch, capsys, changes, named):
     policy = LearnedPolicy.load(copy / "policy")
-    policy.details["trained"]["settings"]["satellite"] = "cubesat"
+    policy.details["trained"]["settings"] |= changes
     policy.save(copy / "policy")
     monkeypatch.setattr("sys.argv", ["choose", str(finished[0]), str(copy)])
     assert exit_code(select.main) == 2
-    assert "different satellites" in capsys.readouterr().err
+    said = f"error: {copy} was trained with other {named} than {finished[0]}: choose among runs of one setting\n"
+    assert capsys.readouterr().err == said
+
+
+def test_drawn_satellites_of_other_wheels_are_other_satellites(tmp_path):
+    runs = [PPOSettings(satellite="drawn", drawn=2, drawn_wheels=wheels) for wheels in (4, 5)]
+    select.check_same([tmp_path], runs[:1])
+    with pytest.raises(ValueError, match="other satellites"):
+        select.check_same([tmp_path, tmp_path], runs)
 
 
 def test_an_error_of_flight_is_not_taken_for_one_of_training(copy, monkeypatch):

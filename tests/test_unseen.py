@@ -10,6 +10,8 @@ import pytest
 
 from agents.unseen import compare, flights
 from baselines.command import cli
+from satid_gym.policies.custom import digest
+from satid_gym.policies.shipped import find
 
 
 def _row(satellite, policy, errors, outside, inertia="step"):
@@ -39,8 +41,19 @@ def test_a_satellite_counts_as_inside_by_its_mean_over_laws():
     assert flights.inside(ROWS, "two") == 1.0
 
 
+def test_tuned_settings_and_weights_tell_policies_apart(tmp_path):
+    tuned = tmp_path / "tuned.json"
+    tuned.write_text(json.dumps({"chosen": {"rate_square": {"period": 12.0, "margin": 3.5}}}))
+    settings = compare.Unseen(policies=("rate_square", "rigid_tour"), tuned=tuned)
+    assert settings.identities() == {
+        "rate_square": {"period": 12.0, "margin": 3.5},
+        "rigid_tour": digest(find("rigid_tour")),
+    }
+
+
 @pytest.mark.slow
 def test_the_command_flies_shows_and_goes_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "a1")
     tuned, output = tmp_path / "tuned.json", tmp_path / "unseen.json"
     chosen = {"rate_square": {"period": 12.0, "margin": 3.5, "slews": 3.0}}
     tuned.write_text(json.dumps({"chosen": chosen}))
@@ -57,6 +70,6 @@ def test_the_command_flies_shows_and_goes_on(tmp_path, monkeypatch, capsys):
     output.write_text(json.dumps(held))
     assert cli.exit_code(compare.main) == 0  # nothing is flown again
     assert json.loads(output.read_text())["rows"][0]["mean_error"] == [1.0]
-    sys.argv[sys.argv.index("--episodes") + 1] = "2"
+    tuned.write_text(json.dumps({"chosen": {"rate_square": {**chosen["rate_square"], "period": 13.0}}}))
     assert cli.exit_code(compare.main) == 2
-    assert "other episodes" in capsys.readouterr().err
+    assert "was flown with other identities: give another --output, or --again" in capsys.readouterr().err

@@ -275,6 +275,11 @@ def test_a_bad_seed_is_refused(seed, flying):
     assert state_of(flying) == before
 
 
+def test_the_layout_is_that_of_one_environment():
+    settings = {"observation": "body", "include_covariance": True, "scenario": "flex"}
+    assert SatInertiaIDVectorEnv(2, **settings).layout == SatInertiaIDEnv(**settings).layout
+
+
 def test_step_before_reset_and_after_the_end():
     env = SatInertiaIDVectorEnv(2, max_episode_steps=1, autoreset_mode="Disabled")
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"call reset\(\) before step"):

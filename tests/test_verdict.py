@@ -154,10 +154,10 @@ def kept(tmp_path, keep, *tables, name="compare"):
 @cases(
     ("keep", "lacks"),
     [
-        (lambda r: r["policy"] not in ("one_step", "mpc"), "without policies one_step, mpc: "),
-        (lambda r: r["policy"] != "generalist", "without policies generalist: "),
-        (lambda r: (r["satellite"], r["inertia_mode"]) != ("cubesat", "drift"), "without cells cubesat/drift: "),
-        (lambda r: (r["policy"], r["inertia_mode"]) != ("greedy", "step"), "without policies greedy: "),
+        (lambda r: r["policy"] not in ("one_step", "mpc"), "needs, policies one_step, mpc: "),
+        (lambda r: r["policy"] != "generalist", "needs, policies generalist: "),
+        (lambda r: (r["satellite"], r["inertia_mode"]) != ("cubesat", "drift"), "needs, cells cubesat/drift: "),
+        (lambda r: (r["policy"], r["inertia_mode"]) != ("greedy", "step"), "needs, policies greedy: "),
     ],
 )
 def test_a_smaller_comparison_is_refused_with_what_is_missing(keep, lacks, tmp_path, capsys, monkeypatch):
@@ -179,15 +179,15 @@ def test_results_without_what_belongs_to_a_policy_are_refused(table, lacks, tmp_
     folder = kept(tmp_path, lambda r: r["policy"] != "generalist", table)
     code, errors = judge(folder, capsys, monkeypatch)
     assert (code, errors.count("\n")) == (2, 1)
-    assert f"without {lacks}: run" in errors
+    assert f"needs, {lacks}: run" in errors
 
 
 def test_a_smaller_comparison_in_the_tight_scenario_is_refused_too(tmp_path, capsys, monkeypatch):
     folder = kept(tmp_path, lambda r: r["policy"] != "chirp", name="compare_tight")
     code, errors = judge(folder, capsys, monkeypatch)
     assert (code, errors.count("\n")) == (2, 1)
-    assert "compare_tight.json is of a smaller comparison" in errors
-    assert "without policies chirp: run python -m agents.compare --scenario tight" in errors
+    assert "compare_tight.json lacks what the verdict needs" in errors
+    assert "needs, policies chirp: run python -m agents.compare --scenario tight" in errors
 
 
 DAMAGED = {

@@ -119,6 +119,20 @@ def test_speed_is_kept():
     assert 0.5 <= time.perf_counter() - start < 2.0
 
 
+def test_an_early_end_is_told_where_it_ends():
+    rollouts = Pairing(policy="generalist", beside="random", inertia="static").rollouts()
+    file = io.StringIO()
+    watch.watch(rollouts, TITLE, 1.0, Console(file=file, width=60))
+    ended = rollouts[1]
+    assert ended.terminated
+    said = f"ended at {ended.info['time']:g} s: a body rate beyond 3 times its limit"
+    after = [line for line in file.getvalue().splitlines() if "random: error" in line]
+    assert [line.endswith(said) for line in after] == [
+        float(line.split(" s |")[0]) >= ended.info["time"] for line in after
+    ]
+    assert said[:30] in shown(rollouts)
+
+
 @pytest.mark.parametrize("kind", ["a file", "dumb", "ascii"])
 def test_without_a_terminal_it_prints_lines(kind, monkeypatch):
     if kind == "dumb":

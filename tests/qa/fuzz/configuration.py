@@ -330,7 +330,7 @@ def _law(chance: Random, scenario: Settings, satellite: Settings, products: bool
         "mode": chance.choice(("static", "step", "drift", "periodic")),
         "size": chance.uniform(-0.4, 0.8),
         "time": chance.uniform(0.1, 1.0) * scenario["horizon"],
-        "frequency": chance.uniform(0.0, 0.1),
+        "frequency": chance.uniform(1e-6, 0.1),
         "phase": chance.uniform(-10.0, 10.0),
     }
 
