@@ -149,8 +149,7 @@ class MomentumEKFSettings(EstimatorSettings):
         """Write prior and tuning to a belief record.
 
         Raises:
-            ValueError: a gate with sensors whose readings are not of one instant, or a star tracker with a gate or
-                modes.
+            ValueError: a gate with sensors whose readings are not of one instant, or with a star tracker.
         """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
         row["gyro_std"], row["tachometer_std"] = prior.reading_std, prior.tachometer_noise_std
@@ -177,10 +176,9 @@ class MomentumEKFSettings(EstimatorSettings):
             write_modes(row["modes"], prior, first=6 + p)
         first = 6 + p + STATES * modes
         if prior.sensors.star_tracker is not None:
-            if modes > 0 or self.gate > 0.0:
+            if self.gate > 0.0:
                 raise ValueError(
-                    "a MomentumEKF with a star tracker has neither gate nor modes: use gate=0 and a rigid body (or "
-                    "flexible=False), or sensors without star_tracker"
+                    "a MomentumEKF with a star tracker has no gate: use gate=0, or sensors without star_tracker"
                 )
             write_attitude(row["attitude"], prior.sensors.star_tracker, first)
             first += 3

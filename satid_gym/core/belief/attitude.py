@@ -25,8 +25,9 @@ import functools
 import numpy as np
 
 from satid_gym.core.algebra import axpy, inverse, load, multiply, norm, store, store_symmetric, subtract
-from satid_gym.core.belief import momentum_model
+from satid_gym.core.belief import momentum_model, rate_noise
 from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
+from satid_gym.core.belief.modes import body_inertia
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
@@ -110,12 +111,12 @@ def _turned(state, omega, h):
 
 @outline
 def _write_rate_rows(belief, work, momentum, omega, J_inv, shares, h):
-    """J d omega in the middle of a step by the state before it, to work.attitude (3, size).
+    """d omega in the middle of a step by the state before it, to work.product (3, size).
 
     d omega = J^-1 (dM' - L(omega) dtheta - sum_k Omega_k de_k), M' = M + h / 2 (M x omega_0 + tau); arguments as for
     `predict`.
     """
-    p, c, rows, first = belief.prior_theta.shape[0], belief.calibration, work.attitude, work.jacobian[2]
+    p, c, rows, first = belief.prior_theta.shape[0], belief.calibration, work.product, work.jacobian[2]
     store_symmetric(first, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(first, omega, work.regressor)
     for i in range(3):
@@ -127,37 +128,43 @@ def _write_rate_rows(belief, work, momentum, omega, J_inv, shares, h):
             rows[i, 3 + j] = 0.5 * h * work.sensitivity[0, i, j] - work.regressor[i, j]
         rows[i, i] += 1.0
         rows[i, 3 + p + i] = 0.5 * h
-    if c.wheels == 0:
-        return
-    write_cross_times(momentum, J_inv, first)
-    for k in range(belief.speed.shape[0]):
-        before, change = c.speed_before[k], belief.speed[k] - c.speed_before[k]
-        early, middle = before + shares[0] * change, before + shares[1] * change
-        for i in range(3):
-            for j in range(3):
-                rows[i, c.wheels + 3 * k + j] = -0.5 * h * early * first[i, j] - (middle if i == j else 0.0)
+    if c.wheels > 0:
+        write_cross_times(momentum, J_inv, first)
+        for k in range(belief.speed.shape[0]):
+            before, change = c.speed_before[k], belief.speed[k] - c.speed_before[k]
+            early, middle = before + shares[0] * change, before + shares[1] * change
+            for i in range(3):
+                for j in range(3):
+                    rows[i, c.wheels + 3 * k + j] = -0.5 * h * early * first[i, j] - (middle if i == j else 0.0)
+    for j in range(rows.shape[1]):
+        rows[0, j], rows[1, j], rows[2, j] = multiply(J_inv, (rows[0, j], rows[1, j], rows[2, j]))
+
+
+@inline
+def begin_prediction(work):
+    """Begin the derivative of the attitude by the state before a prediction, work.attitude (3, size)."""
+    for i in range(3):
+        for j in range(work.attitude.shape[1]):
+            work.attitude[i, j] = 0.0
 
 
 @outline
-def predict(belief, work, momentum, rates, J_inv, shares, h):
-    """Turn the attitude and its error on by a midpoint step, before its covariance is propagated.
+def turn_on(belief, work, omega, by_state, h):
+    """Turn the attitude on for h seconds at a rate, whose derivative by the state before is `by_state` (3, size)."""
+    state, rows = belief.attitude, work.attitude
+    middle = _turned(state, omega, 0.5 * h)
+    for j in range(belief.mean.shape[0]):
+        column = to_inertial(middle, (by_state[0, j], by_state[1, j], by_state[2, j]))
+        for i in range(3):
+            rows[i, j] += h * column[i]
+    store_quaternion(state.quaternion, _turned(state, omega, h))
 
-    Args:
-        belief: belief.
-        work: scratch space; jacobian[0] and sensitivity[0] are the slope's by M and theta at the first stage.
-        momentum: M at the first stage.
-        rates: omega at the second stage, and the rate at which it is derived by theta.
-        J_inv: J^-1 (symmetric).
-        shares: of the prediction that has passed at both stages.
-        h: s.
-    """
-    state, covariance, rows, change = belief.attitude, belief.covariance, work.attitude, work.product
+
+@outline
+def propagate(belief, work):
+    """Take what `turn_on` has gathered to the covariance of psi, before that of the other states is propagated."""
+    covariance, rows, change = belief.covariance, work.attitude, work.product
     size, first = covariance.shape[0], belief.attitude.first
-    _write_rate_rows(belief, work, momentum, rates[1], J_inv, shares, h)
-    middle = _turned(state, rates[0], 0.5 * h)
-    for j in range(size):
-        column = to_inertial(middle, multiply(J_inv, (rows[0, j], rows[1, j], rows[2, j])))
-        rows[0, j], rows[1, j], rows[2, j] = h * column[0], h * column[1], h * column[2]
     for i in range(3):
         for j in range(size):
             total = 0.0
@@ -175,31 +182,30 @@ def predict(belief, work, momentum, rates, J_inv, shares, h):
                 total += change[i, k] * rows[j, k]
             own = covariance[first + i, first + j] + total
             covariance[first + i, first + j] = covariance[first + j, first + i] = own
-    store_quaternion(state.quaternion, _turned(state, rates[0], h))
 
 
-@outline
-def add_rate_noise(belief, work, momentum, noise, h2):
-    """P_pp += h2 R S R^T and P_Mp += h2 [M x] S R^T: the noise that `momentum_model` adds to P_MM."""
-    covariance, first, crossed = belief.covariance, belief.attitude.first, work.jacobian[2]
-    q = belief.attitude.quaternion
-    write_cross_times(momentum, noise, crossed)
-    rows = ((noise[0], noise[3], noise[4]), (noise[3], noise[1], noise[5]), (noise[4], noise[5], noise[2]))
-    turned = (to_inertial(q, rows[0]), to_inertial(q, rows[1]), to_inertial(q, rows[2]))  # S R^T
-    for j in range(3):
-        column = to_inertial(q, (turned[0][j], turned[1][j], turned[2][j]))
-        for i in range(3):
-            covariance[first + i, first + j] += h2 * column[i]
-    for i in range(3):
-        row = to_inertial(q, (crossed[i, 0], crossed[i, 1], crossed[i, 2]))
-        for j in range(3):
-            both = covariance[i, first + j] + h2 * row[j]
-            covariance[i, first + j] = covariance[first + j, i] = both
+@inline
+def predict(belief, work, momentum, rates, J_inv, shares, h):
+    """Turn the attitude of a rigid body and its error on by a midpoint step, before its covariance is propagated.
+
+    Args:
+        belief: belief.
+        work: scratch space; jacobian[0] and sensitivity[0] are the slope's by M and theta at the first stage.
+        momentum: M at the first stage.
+        rates: omega at the second stage, and the rate at which it is derived by theta.
+        J_inv: J^-1 (symmetric).
+        shares: of the prediction that has passed at both stages.
+        h: s.
+    """
+    begin_prediction(work)
+    _write_rate_rows(belief, work, momentum, rates[1], J_inv, shares, h)
+    turn_on(belief, work, rates[0], work.product, h)
+    propagate(belief, work)
 
 
 @outline
 def doubt(belief, work, change):
-    """Add to attitude and M what the rate was wrong by in the last prediction, where the inertia changed within it.
+    """Add to attitude, M and deflections what the rate was off in the last prediction: the inertia changed within it.
 
     `change` is its std, relative. Without an attitude M is left as it is.
     """
@@ -207,11 +213,9 @@ def doubt(belief, work, change):
     if state.on == 0 or state.known == 0:
         return
     momentum = load(belief.mean)
-    omega = multiply(inverse(estimated_inertia(belief)), momentum_model.body_momentum(belief))
-    variance = (change * norm(omega)) ** 2
-    noise = (variance, variance, variance, 0.0, 0.0, 0.0)
-    momentum_model.add_rate_noise(belief, work, momentum, noise, state.span**2)
-    add_rate_noise(belief, work, momentum, noise, state.span**2)
+    inertia = body_inertia(belief, belief.mean, estimated_inertia(belief))
+    variance = (change * norm(multiply(inverse(inertia), momentum_model.body_momentum(belief)))) ** 2
+    rate_noise.add(belief, work, momentum, (variance, variance, variance, 0.0, 0.0, 0.0), state.span**2)
 
 
 @outline
@@ -236,11 +240,11 @@ def take_up(belief):
 
 
 @inline
-def reference(belief, J_inv, a):
-    """What to add to the rate along a prediction, which begins at a, where derivatives by theta are taken.
+def reference(belief, J_inv):
+    """What to add to the rate along a prediction that now begins, where derivatives by theta are taken.
 
     In errors of the rate that is how far `reference_rate`, free of the tachometers' noise, is from the first.
     """
     if belief.rate_coordinates == 0 or belief.stepped != 0:
         return 0.0, 0.0, 0.0
-    return subtract(load(belief.reference_rate), multiply(J_inv, subtract(load(belief.mean), a)))
+    return subtract(load(belief.reference_rate), multiply(J_inv, momentum_model.body_momentum(belief)))

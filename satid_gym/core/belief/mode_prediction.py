@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import add, axpy, cross, dot, inverse, load, load_symmetric, multiply, store, subtract
-from satid_gym.core.belief import unmeasured
+from satid_gym.core.belief import attitude, unmeasured
 from satid_gym.core.belief.modes import (
     STATES,
     bent_rate,
@@ -108,20 +108,25 @@ def _turn_sensitivity(belief, work, momentum, omega, source, out, h):
 
 
 @outline
-def predict(belief, work, J, inputs, dt):
+def predict(belief, work, J, inputs, attitudes, dt):
     """Move M, eta and p by dt seconds, and write the derivative of that to work.transition, in the order of `moving`.
+
+    Where the attitude is known it turns along, and its derivative is written to work.attitude.
 
     Args:
         belief: belief.
         work: scratch space.
         J: estimated inertia (symmetric).
         inputs: A j Omega before and after.
+        attitudes: whether the attitude is known, and its `attitude.reference`.
         dt: s.
     """
     count, size, rows = belief.modes.coupling.shape[0], belief.mean.shape[0], work.transition
     J_inv = inverse(body_inertia(belief, belief.mean, J))
     tau = load(belief.mean[3 + belief.prior_theta.shape[0] :])
-    before, after = inputs
+    (before, after), (turns, offset) = inputs, attitudes
+    if turns:
+        attitude.begin_prediction(work)
     for r in range(3 + 2 * count):
         for j in range(size):
             rows[r, j] = 0.0
@@ -142,6 +147,9 @@ def predict(belief, work, J, inputs, dt):
             _kick(belief, work, i, omega, 0.5 * h)
         middle = axpy(0.5 * h, add(cross(M, omega), tau), M)
         omega = multiply(J_inv, subtract(subtract(middle, a1), momentum(belief)))
+        if turns:
+            _write_rate_sensitivity(belief, work, add(omega, offset), J_inv, (step + 0.5) / steps, work.modes.middle)
+            attitude.turn_on(belief, work, omega, work.modes.omega, h)
         _write_rate_sensitivity(belief, work, omega, J_inv, (step + 0.5) / steps, work.modes.middle)
         for i in range(count):
             _drift(belief, work, i, omega, h)
@@ -174,25 +182,6 @@ def _steps(belief, J_inv, dt):
 
 
 @outline
-def add_tachometer_noise(belief, M, noise, dt):
-    """Add to the covariance what tachometer noise does to a prediction of dt seconds; `noise` is J^-1 N J^-1.
-
-    It moves omega by -J^-1 da, and with it M by M x that and eta by -d . that.
-    """
-    m = 3 + 2 * belief.modes.coupling.shape[0]
-    for a in range(m):
-        if a >= 3 and (a - 3) % 2 == 1:
-            continue
-        left = multiply(noise, _by_rate(belief, M, a, dt))
-        for b in range(a, m):
-            if b >= 3 and (b - 3) % 2 == 1:
-                continue
-            i, j = moving(belief, a), moving(belief, b)
-            belief.covariance[i, j] += dot(left, _by_rate(belief, M, b, dt))
-            belief.covariance[j, i] = belief.covariance[i, j]
-
-
-@outline
 def add_curvature(belief, dt):
     """Add to the covariance of p what the derivative by log w leaves out while w is coarsely known.
 
@@ -207,16 +196,3 @@ def add_curvature(belief, dt):
         coarse, shared = covariance[at + 2, at + 2], covariance[at, at + 2]
         grown = min(4.0 * w * (covariance[at, at] * coarse + shared**2), _GROWTH_MAX * covariance[at, at])
         covariance[at + 1, at + 1] += w**2 * dt * (grown + 8.0 * w * (belief.mean[at] * coarse) ** 2)
-
-
-@inline
-def _by_rate(belief, M, r, dt):
-    """Row r, in the order of `moving`, of what a constant error of omega does in dt seconds."""
-    if r >= 3:
-        return axpy(-dt, load(belief.modes.d[(r - 3) // 2]), (0.0, 0.0, 0.0))
-    x, y, z = M
-    if r == 0:
-        return 0.0, -dt * z, dt * y
-    if r == 1:
-        return dt * z, 0.0, -dt * x
-    return -dt * y, dt * x, 0.0

@@ -34,6 +34,7 @@ from satid_gym.core.belief import (
     modes,
     momentum_model,
     momentum_update,
+    rate_noise,
     unmeasured,
 )
 from satid_gym.core.belief.kalman import estimated_inertia, propagate
@@ -61,15 +62,17 @@ def predict(belief, work, tachometer, dt):
     per_step = 1.0 / belief.substeps
     h = dt * per_step
     noise = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
+    turns = belief.attitude.on != 0 and belief.attitude.known != 0
+    offset = attitude.reference(belief, J_inv) if turns else before
     if flexible:
         momentum = load(belief.mean)
-        mode_prediction.predict(belief, work, estimated_inertia(belief), (before, after), dt)
+        mode_prediction.predict(belief, work, estimated_inertia(belief), (before, after), (turns, offset), dt)
+        if turns:
+            attitude.propagate(belief, work)
         propagate(belief, work, dt)
         if belief.alignment.noise_taps == 0:
-            mode_prediction.add_tachometer_noise(belief, momentum, noise, dt)
+            rate_noise.add(belief, work, momentum, noise, dt * dt)
         mode_prediction.add_curvature(belief, dt)
-    turns = belief.attitude.on != 0 and belief.attitude.known != 0
-    offset = attitude.reference(belief, J_inv, before) if turns else before
     for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
         a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
@@ -91,9 +94,7 @@ def predict(belief, work, tachometer, dt):
         calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
         propagate(belief, work, h)
         if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
-            momentum_model.add_rate_noise(belief, work, middle, noise, h * dt)
-            if turns:
-                attitude.add_rate_noise(belief, work, middle, noise, h * dt)
+            rate_noise.add(belief, work, middle, noise, h * dt)
     if belief.attitude.on != 0:
         belief.attitude.age += dt
         belief.attitude.span = dt

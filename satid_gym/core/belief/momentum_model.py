@@ -58,19 +58,6 @@ def write_transition(work, p, h):
 
 
 @inline
-def add_rate_noise(belief, work, momentum, noise, h2):
-    """P_MM += h2 [M x] S [M x]^T: what noise of the rate, of covariance S, does to the predicted momentum."""
-    half = work.jacobian[2]
-    write_cross_times(momentum, noise, half)
-    x, y, z = momentum
-    for i in range(3):
-        a, b, c = h2 * half[i, 0], h2 * half[i, 1], h2 * half[i, 2]
-        row = (c * y - b * z, a * z - c * x, b * x - a * y)
-        for j in range(i, 3):
-            belief.covariance[i, j] = belief.covariance[j, i] = belief.covariance[i, j] + row[j]
-
-
-@inline
 def _beyond(rate, spin, noise):
     """The rate where it stands out of its noise, of variance spin (1 - spin / noise); else 0."""
     return rate if rate * rate > retraction.EXCITATION_SIGMAS**2 * spin * (1.0 - spin / noise) else 0.0

@@ -148,4 +148,6 @@ def update_attitude(belief, work, reading):
         return 0.0
     nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)
     attitude.take_up(belief)
+    if belief.modes.coupling.shape[0] > 0:
+        modes.refresh(belief)
     return nis

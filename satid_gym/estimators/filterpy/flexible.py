@@ -12,7 +12,7 @@ from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior
 from satid_gym.tolerances import Tolerances
 
-_COMPLEX_STEP = 1e-30
+COMPLEX_STEP = 1e-30
 
 
 class FlexibleModel(CalibratedModel):
@@ -123,7 +123,8 @@ class FlexibleModel(CalibratedModel):
         steps = max(1, int(np.ceil(fastest * h / 0.2)))
         x = x.copy()
         for k in range(steps):
-            x = self._verlet(x, a0 + (a1 - a0) * k / steps, a0 + (a1 - a0) * (k + 0.5) / steps, h / steps)
+            middle = a0 + (a1 - a0) * (k + 0.5) / steps
+            x = self._verlet(x, a0 + (a1 - a0) * k / steps, middle, h / steps)
         return x
 
     def _verlet(self, x: np.ndarray, a0: np.ndarray, a1: np.ndarray, h: float) -> np.ndarray:
@@ -131,6 +132,7 @@ class FlexibleModel(CalibratedModel):
         early = self.rate(x, a0)
         middle = x + 0.5 * h * self._pushes(x, early)
         middle[:3] = x[:3] + 0.5 * h * (np.cross(x[:3], early) + tau)
+        self._pass(middle, a1, h)
         omega = self.rate(middle, a1)
         for i in range(len(self.modes)):
             own, d, _ = self.mode(middle, i)
@@ -138,6 +140,9 @@ class FlexibleModel(CalibratedModel):
         end = middle + 0.5 * h * self._pushes(middle, omega)
         end[:3] = x[:3] + h * (np.cross(middle[:3], omega) + tau)
         return end
+
+    def _pass(self, middle: np.ndarray, a: np.ndarray, h: float) -> None:
+        """Take note of the middle of a step of h seconds, at wheel speeds a."""
 
     def _pushes(self, x: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """dp/dt of the modes, (size,)."""
@@ -151,17 +156,21 @@ class FlexibleModel(CalibratedModel):
 
     def step_jacobian(self, x: np.ndarray, a0: np.ndarray, a1: np.ndarray, h: float) -> np.ndarray:
         """Its Jacobian (size, size)."""
-        shifted = x + 1j * _COMPLEX_STEP * np.eye(self.size)
-        return np.column_stack([self.step(row, a0, a1, h).imag / _COMPLEX_STEP for row in shifted])
+        shifted = x + 1j * COMPLEX_STEP * np.eye(self.size)
+        return np.column_stack([self.step(row, a0, a1, h).imag / COMPLEX_STEP for row in shifted])
 
     def process_noise(self, x: np.ndarray, a0: np.ndarray, h: float, dt: float) -> np.ndarray:
         """Random walks over h, and what tachometer noise does to M and to eta."""
-        noise, by_rate = np.diag(self.walk**2 * h), np.zeros((self.size, 3))
-        by_rate[:3] = skew(x[:3])
+        gain = self.by_rate(x) @ np.linalg.inv(self.inertia(x))
+        return np.diag(self.walk**2 * h) + h * dt * gain @ self.spin_covariance @ gain.T
+
+    def by_rate(self, x: np.ndarray) -> np.ndarray:
+        """What an error of the rate does in a second, (size, 3)."""
+        found = np.zeros((self.size, 3))
+        found[:3] = skew(x[:3])
         for i in range(len(self.modes)):
-            by_rate[self.first_mode + 5 * i] = -self.mode(x, i)[1]
-        gain = by_rate @ np.linalg.inv(self.inertia(x))
-        return noise + h * dt * gain @ self.spin_covariance @ gain.T
+            found[self.first_mode + 5 * i] = -self.mode(x, i)[1]
+        return found
 
     def curvature(self, x: np.ndarray, covariance: np.ndarray, dt: float) -> np.ndarray:
         """Second-order terms of a coarsely known frequency."""

@@ -11,7 +11,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from scipy.spatial.transform import Rotation
 
-from satid_gym.estimators.filterpy.attitude import AttitudeModel
+from satid_gym.estimators.filterpy.attitude import AttitudeModel, FlexibleAttitudeModel, TrackedModel
 from satid_gym.estimators.filterpy.calibration import CalibratedModel
 from satid_gym.estimators.filterpy.flexible import FlexibleModel
 from satid_gym.estimators.filterpy.gate import Gate
@@ -100,12 +100,12 @@ class FilterpyMomentumEKF(Reference):
                 "calibrate=False and flexible=False"
             )
         if prior.sensors.star_tracker is not None:
-            if type(self) is not FilterpyMomentumEKF or self.momentum.gate > 0.0 or (flexible and prior.modes):
+            if type(self) is not FilterpyMomentumEKF or self.momentum.gate > 0.0:
                 raise ValueError(
-                    "of the reference filters FilterpyMomentumEKF takes a star tracker, for a rigid body and without "
-                    "gate: use MomentumEKF, or sensors without star_tracker"
+                    "of the reference filters FilterpyMomentumEKF takes a star tracker, without gate: use MomentumEKF, "
+                    "or sensors without star_tracker"
                 )
-            return AttitudeModel(self.momentum, prior)
+            return (FlexibleAttitudeModel if flexible and prior.modes else AttitudeModel)(self.momentum, prior)
         if flexible and prior.modes:
             return FlexibleModel(self.momentum, prior)
         return CalibratedModel(self.momentum, prior) if calibrates else MomentumModel(self.momentum, prior)
@@ -124,7 +124,7 @@ class FilterpyMomentumEKF(Reference):
         start, end = self._a, self.model.input(wheel_speed)
         steps = self.momentum.steps(self.model.prior)
         h = dt / steps
-        if isinstance(self.model, AttitudeModel):
+        if isinstance(self.model, TrackedModel):
             self.model.begin_prediction(self.filter.x, start, self._stepped)
         for i in range(steps):
             a0, a1 = start + (end - start) * i / steps, start + (end - start) * (i + 1) / steps
@@ -139,7 +139,7 @@ class FilterpyMomentumEKF(Reference):
     def _predict_step(self, a0: np.ndarray, a1: np.ndarray, h: float, dt: float) -> None:
         kf, x = self.filter, self.filter.x
         kf.F = self.model.step_jacobian(x, a0, a1, h)
-        if isinstance(self.model, AttitudeModel):
+        if isinstance(self.model, TrackedModel):
             self.model.turn(x, a0, a1, h)
         kf.Q = self.model.process_noise(x, a0, h, dt)
         kf.predict_x = lambda u: setattr(kf, "x", self.model.step(x, a0, a1, h))
@@ -151,7 +151,7 @@ class FilterpyMomentumEKF(Reference):
         kf, gate = self.filter, self._gate
         if gate is None:
             nis = self._condition(gyro)
-            if isinstance(self.model, AttitudeModel):
+            if isinstance(self.model, TrackedModel):
                 self.model.take_up(kf.x)
             return nis
         if gate.repeated(gyro):
@@ -208,7 +208,7 @@ class FilterpyMomentumEKF(Reference):
             ValueError: the prior has no star tracker.
         """
         kf, model, reading = self.filter, self.model, Rotation.from_quat(attitude)
-        if not isinstance(model, AttitudeModel):
+        if not isinstance(model, TrackedModel):
             raise ValueError("update_attitude is for a prior whose sensors have a star_tracker")
         if not model.is_known(kf.P):
             model.begin(kf.P, reading)
