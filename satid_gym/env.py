@@ -184,7 +184,7 @@ steady; "keep_out": share of the samples with the payload looking too near the S
     | saturated | (n,) whether a wheel was at its speed limit |
     | torque_applied | (n,) mean motor torque less friction, N m |
     | constrained_updates | filter updates shortened so far to keep the estimate positive definite |
-    | rejected | gyro readings that the filter has rejected so far |
+    | rejected | readings of gyro and star tracker that the filter has rejected so far |
     | nis_mean | mean normalised innovation squared of the last 1000 updates, per degree of freedom; about 1 when \
 consistent, and 1 where the filter is not monitored (RateEKF, own estimators) |
     | colour | largest variance of smoothed innovations, relative to white noise and to its limit; above 1 it is an \

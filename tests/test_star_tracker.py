@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from baselines.studies.recording import record
 from satid_gym import (
     SATELLITES,
+    SCENARIOS,
     InertiaLaw,
     Pilot,
     Satellite,
@@ -218,19 +219,80 @@ def test_derivatives_are_those_of_finite_differences(prior):
 
 
 @pytest.mark.compiled
-@cases("inertia", ["static", "step", "drift", "periodic"])
-def test_it_is_consistent_and_what_it_sees_helps(inertia):
+@cases(
+    ("satellite", "inertia"),
+    [
+        (satellite, inertia)
+        for satellite in (SATELLITES["microsat"], with_panels())
+        for inertia in ("static", "step", "drift", "periodic")
+    ],
+)
+def test_it_is_consistent_and_what_it_sees_helps(satellite, inertia):
     """Mean NEES of 40 episodes, with the tracker and where it is blind all the time."""
 
     def scores(tracker):
         policy = make_baseline("rate_square", "microsat")
-        chosen = {"satellite": "microsat", "inertia": inertia, "seeds": seeds("validation", 40)}
+        chosen = {"satellite": satellite, "inertia": inertia, "seeds": seeds("validation", 40)}
         return fly(policy, scenario=world(tracker, horizon=300.0), **chosen).scores()
 
     seeing, blind = scores(TRACKER), scores(TRACKER.replace(rate_limit=1e-9))
     assert 0.3 < seeing["nees"].mean() < 2.0
     assert 0.3 < blind["nees"].mean() < 2.0
     assert seeing["final_error"].mean() < (0.95 if inertia == "periodic" else 0.85) * blind["final_error"].mean()
+
+
+@pytest.mark.compiled
+@cases("fault", ["gyro_dropout", "tachometer_stuck", "gyro_outlier"])
+def test_with_a_gate_it_is_consistent_where_sensors_fail(fault):
+    """Also while the gyro says nothing for 20 s, when the tracker alone shows how the body turns."""
+    faults = SCENARIOS["faults"].faults.only(fault)
+    own = SCENARIOS["faults"].replace(faults=faults, tolerances=BIAS, sensors=Sensors(star_tracker=TRACKER))
+    policy = make_baseline("rate_square", "microsat")
+    flight = fly(policy, satellite="microsat", inertia="drift", seeds=seeds("validation", 40), scenario=own)
+    nees = flight.scores()["nees"]
+    assert 0.3 < nees.mean() < 2.0
+    assert nees.max() < 4.0
+
+
+@pytest.mark.compiled
+@cases("how", ["off now and then", "stuck"])
+def test_the_gate_keeps_wrong_readings_out(how):
+    """One reading in twenty off by a milliradian to half a turn, or one that is repeated for 20 s."""
+    policy = make_baseline("rate_square", "microsat")
+    flown = record(policy, satellite="microsat", inertia="static", seeds=[90_002], scenario=world())
+    prior, generator = prior_of(SATELLITES["microsat"], world()), np.random.default_rng(0)
+    wrong = flown.star_tracker[0].copy()
+    given = np.flatnonzero(np.isfinite(wrong).all(axis=1))
+    if how == "stuck":
+        wrong[given[40:80]] = wrong[given[40]]
+    else:
+        for k in generator.choice(given[1:], len(given) // 20, replace=False):
+            turn = Rotation.from_rotvec(10.0 ** generator.uniform(-3.0, 0.5) * direction(generator))
+            wrong[k] = (turn * Rotation.from_quat(wrong[k])).as_quat()
+
+    def filtered(attitude, gate):
+        ekf = AdaptiveEKF(gate=gate)
+        ekf.reset(prior, flown.gyro[0, 0], flown.tachometer[0, 0])
+        for k in range(1, flown.gyro.shape[1]):
+            ekf.predict(flown.tachometer[0, k], flown.dt)
+            ekf.update(flown.gyro[0, k], flown.tachometer[0, k])
+            if np.isfinite(attitude[k]).all():
+                ekf.update_attitude(attitude[k])
+        return ekf
+
+    good = filtered(flown.star_tracker[0], 1e-6)
+    std = np.sqrt(np.diag(good.covariance)[3:6])
+    off = {gate: np.abs((filtered(wrong, gate).mean - good.mean)[3:6] / std).max() for gate in (0.0, 1e-6)}
+    assert off[1e-6] < 1.5
+    assert off[0.0] > 5.0
+    assert filtered(wrong, 1e-6).record["rejected"] >= (39 if how == "stuck" else 5)
+    assert good.record["rejected"] == 0
+
+
+def direction(generator):
+    """Unit vector."""
+    v = generator.normal(size=3)
+    return v / np.linalg.norm(v)
 
 
 @pytest.mark.compiled
@@ -447,7 +509,7 @@ def test_what_takes_no_star_tracker_says_so(prior, tmp_path):
     gyro, speed = np.zeros(3), np.zeros(3)
     for make in (
         lambda: RateEKF().reset(prior, gyro, speed),
-        lambda: MomentumEKF(gate=0.001).reset(prior, gyro, speed),
+        lambda: FilterpyMomentumEKF(gate=0.001, calibrate=False).reset(prior, gyro, speed),
         lambda: FilterpyAdaptiveEKF().reset(prior, gyro, speed),
         lambda: FilterpyMomentumUKF().reset(prior, gyro, speed),
         lambda: MomentumSmoother(calibrate=False).run(prior, gyro[None], speed[None], 0.1),

@@ -12,5 +12,6 @@ ATTITUDE_STD_MIN = 1e-8  # rad: a tracker said to be noiseless is believed this 
 def write_attitude(row: np.void, tracker: StarTracker, first: int) -> None:
     """Write the tracker to a record of `core.belief.attitude`, whose error the mean has from index `first` on."""
     row["on"], row["first"], row["boresight"] = 1, first, tracker.boresight
+    row["noisy"] = tracker.across_std > 0.0
     row["across_variance"] = max(tracker.across_std, ATTITUDE_STD_MIN) ** 2
     row["round_variance"] = max(tracker.round_std, ATTITUDE_STD_MIN) ** 2

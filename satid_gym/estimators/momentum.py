@@ -50,8 +50,9 @@ class MomentumEKFSettings(EstimatorSettings):
             `satid_gym.core.belief.retraction`; where it estimates errors, modes or the attitude they always are.
             None: where the prior's `agitation` is below the gyro's noise, so that readings of a body that hardly moves
             pass for information on its inertia.
-        gate: probability at which a gyro reading of a consistent filter is rejected as an outlier; with it the readings
-            of sensors that repeat themselves are rejected too, see `satid_gym.core.belief.gating`. 0: no gate.
+        gate: probability at which a reading of gyro or star tracker of a consistent filter is rejected as an outlier;
+            with it the readings of sensors that repeat themselves are rejected too, see
+            `satid_gym.core.belief.gating`. 0: no gate.
         announced: whether it is told when a deployment or a release is commanded and how long that takes, not what it
             does to the tensor; see `satid_gym.core.belief.announcement`.
         inflate: whether it inflates its covariance and the readings' noise while its innovations are larger or more
@@ -103,7 +104,7 @@ class MomentumEKFSettings(EstimatorSettings):
 
     @property
     def gate_distance(self) -> float:
-        """Normalised innovation squared of a gyro reading beyond which it is rejected; 0 without a gate."""
+        """Normalised innovation squared of a reading beyond which it is rejected; 0 without a gate."""
         return float(scipy.special.chdtri(3, self.gate)) if self.gate > 0.0 else 0.0
 
     def steps(self, prior: FilterPrior) -> int:
@@ -149,7 +150,7 @@ class MomentumEKFSettings(EstimatorSettings):
         """Write prior and tuning to a belief record.
 
         Raises:
-            ValueError: a gate with sensors whose readings are not of one instant, or with a star tracker.
+            ValueError: a gate with sensors whose readings are not of one instant.
         """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
         row["gyro_std"], row["tachometer_std"] = prior.reading_std, prior.tachometer_noise_std
@@ -176,10 +177,6 @@ class MomentumEKFSettings(EstimatorSettings):
             write_modes(row["modes"], prior, first=6 + p)
         first = 6 + p + STATES * modes
         if prior.sensors.star_tracker is not None:
-            if self.gate > 0.0:
-                raise ValueError(
-                    "a MomentumEKF with a star tracker has no gate: use gate=0, or sensors without star_tracker"
-                )
             write_attitude(row["attitude"], prior.sensors.star_tracker, first)
             first += 3
         if self.calibration_states(prior) > 0:

@@ -10,10 +10,9 @@ change. Noise of the tachometers enters M and psi as one and the same. A reading
 
     q_read q^-1 = exp(psi + noise),   N = s_a^2 (1 - b b^T) + s_r^2 b b^T,   b: boresight, inertial frame
 
-After each update q takes up the mean of psi. The attitude begins with a reading, and begins again with another where
-no sample came for so long that nobody knows how far the body has turned, and with each reading while theta is coarse
-after a step. Where the inertia steps, or a mass moves, the rate was wrong for a part of a sample, which the covariance
-takes up.
+After each update q takes up the mean of psi. The attitude begins with a reading, and again with another where nobody
+knows how far the body has turned since, and with each reading while theta is coarse after a step. Where the inertia
+steps, or a mass moves, the rate was wrong for a part of a sample, which the covariance takes up.
 Source: Lefferts, Markley, Shuster, Kalman filtering for spacecraft attitude estimation (1982); Markley, Attitude error
 representations for Kalman filtering (2003). The rate being the filter's own, not the gyro's, is this project's design.
 """
@@ -49,6 +48,9 @@ def attitude_dtype() -> np.dtype:
             ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
             ("age", FLOAT),  # s since the last reading; as long as the flight before the first
             ("span", FLOAT),  # s of the last prediction
+            ("noisy", INT),  # 0: the tracker is said to have no noise
+            ("rejections", INT),  # by the gate, in a row
+            ("last", FLOAT, 4),  # reading
         ],
         align=True,
     )
@@ -58,7 +60,8 @@ def attitude_dtype() -> np.dtype:
 def start(belief):
     """State before the first reading."""
     state = belief.attitude
-    state.known, state.age = 0, 0.0
+    state.known, state.age, state.rejections = 0, 0.0, 0
+    store_quaternion(state.last, (0.0, 0.0, 0.0, 0.0))
     store_quaternion(state.quaternion, (0.0, 0.0, 0.0, 1.0))
 
 
@@ -85,7 +88,7 @@ def begin(belief, reading):
     """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
     forget(belief)
     state, covariance = belief.attitude, belief.covariance
-    state.known = 1
+    state.known, state.age, state.rejections = 1, 0.0, 0
     store_quaternion(state.quaternion, load_quaternion(reading))
     a, p = _noise(state), state.first
     covariance[p, p], covariance[p + 1, p + 1], covariance[p + 2, p + 2] = a[0], a[1], a[2]
@@ -189,13 +192,10 @@ def predict(belief, work, momentum, rates, J_inv, shares, h):
     """Turn the attitude of a rigid body and its error on by a midpoint step, before its covariance is propagated.
 
     Args:
-        belief: belief.
-        work: scratch space; jacobian[0] and sensitivity[0] are the slope's by M and theta at the first stage.
+        belief, work: jacobian[0] and sensitivity[0] are the slope's by M and theta at the first stage.
         momentum: M at the first stage.
         rates: omega at the second stage, and the rate at which it is derived by theta.
-        J_inv: J^-1 (symmetric).
-        shares: of the prediction that has passed at both stages.
-        h: s.
+        J_inv, shares, h: J^-1 (symmetric), shares of the prediction that has passed at both stages, and s.
     """
     begin_prediction(work)
     _write_rate_rows(belief, work, momentum, rates[1], J_inv, shares, h)
@@ -205,9 +205,9 @@ def predict(belief, work, momentum, rates, J_inv, shares, h):
 
 @outline
 def doubt(belief, work, change):
-    """Add to attitude, M and deflections what the rate was off in the last prediction: the inertia changed within it.
+    """Add to the covariance what the rate was off in the last prediction: the inertia changed within it.
 
-    `change` is its std, relative. Without an attitude M is left as it is.
+    `change` is its std, relative. Where the attitude is not known nothing is added.
     """
     state = belief.attitude
     if state.on == 0 or state.known == 0:

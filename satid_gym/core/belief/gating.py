@@ -1,10 +1,11 @@
-"""Gating: validation of the readings of gyro and tachometers before the MomentumEKF uses them.
+"""Gating: validation of the readings of gyro, tachometers and star tracker before the MomentumEKF uses them.
 
 A reading of a noisy sensor that equals the last one to the bit is repeated, not new; without noise a body at rest
-repeats its readings rightly. A gyro reading whose normalised innovation squared is beyond the gate is rejected; one
-after _REJECTIONS_MAX rejections in a row is accepted, for then the model is wrong: the inertia has changed, or the
-reading that M was started with was an outlier. Where no reading of the gyro is accepted the filter coasts: it
-propagates only.
+repeats its readings rightly. A reading of gyro or star tracker whose normalised innovation squared is beyond the gate
+is rejected. The third of the gyro's in a row is accepted, for then the model is wrong: the inertia has changed, or the
+reading that M was started with was an outlier. In both cases the attitude begins again with the star tracker's next
+reading. It also does with the third of these that is rejected in a row, of which theta is told nothing. Where no
+reading of the gyro is accepted the filter coasts: it propagates only.
 
 What a wheel does whose tachometer is stuck, `unmeasured` says. After an outage of the gyro as well nobody knows how the
 body turns, so M is reinitialised when both are back. Without a gyro for a second, or without M, no reading shows a step
@@ -171,6 +172,36 @@ def validate(belief, work):
         belief.gate.rejections = 0
         _inflate(belief, work, belief.theta_scale.shape[0])
         return STEPPED
+    belief.rejected += 1
+    return nis
+
+
+@inline
+def note_repeated_attitude(belief, reading):
+    """Note a reading (4,) of the star tracker; whether it repeats the last one to the bit, which is counted."""
+    state = belief.attitude
+    repeated = state.noisy != 0
+    for i in range(4):
+        repeated = repeated and reading[i] == state.last[i]
+        state.last[i] = reading[i]
+    if repeated:
+        belief.rejected += 1
+    return repeated
+
+
+@inline
+def validate_attitude(belief, work):
+    """Normalised innovation squared of a reading of the star tracker that is rejected; else ACCEPTED or REINITIALISE.
+
+    After a run of rejections the attitude itself, or the reading that it began with, is wrong: it begins again.
+    """
+    state, nis = belief.attitude, distance(belief, work)
+    if nis <= belief.gate.threshold:
+        state.rejections = 0
+        return ACCEPTED
+    state.rejections += 1
+    if state.rejections > _REJECTIONS_MAX:
+        return REINITIALISE
     belief.rejected += 1
     return nis
 

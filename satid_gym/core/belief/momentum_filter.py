@@ -47,6 +47,8 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
+    if belief.coasting != 0 and belief.attitude.on != 0:
+        momentum_model.follow_own_rate(belief, J_inv)
     calibration.begin_prediction(belief)
     gated, holds = belief.gate.threshold > 0.0, False
     if gated:
@@ -146,6 +148,8 @@ def condition(belief, work, gyro):
             decision = gating.validate(belief, work)
         if decision > 0.0:
             return decision
+        if decision != gating.ACCEPTED and belief.attitude.on != 0:
+            attitude.forget(belief)  # it turned at a rate that was wrong
         if decision == gating.REINITIALISE:
             start_momentum(belief, work, gyro)
             belief.coasting = belief.gate.confirmed = belief.gate.rejections = 0

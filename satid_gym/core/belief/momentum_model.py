@@ -125,6 +125,13 @@ def linearise(belief, work, gyro):
     whiten(work, axpy_symmetric(belief.whiteness.factor - 1.0, noise, noise))
 
 
+@outline
+def follow_own_rate(belief, J_inv):
+    """Move the reference of the updates to the filter's own rate, where no gyro reading moves it."""
+    omega = multiply(J_inv, body_momentum(belief))
+    retraction.move_reference(belief, omega, congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance)))
+
+
 @inline
 def body_momentum(belief):
     """M - a, and less what the modes carry: (J - sum d d^T) omega."""

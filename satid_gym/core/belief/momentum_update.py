@@ -8,13 +8,15 @@ from satid_gym.core.belief import (
     alignment,
     attitude,
     calibration,
+    gating,
     modes,
     momentum_model,
     retraction,
+    unmeasured,
     whiteness,
 )
 from satid_gym.core.belief.gating import STEP, innovation_covariance
-from satid_gym.core.belief.kalman import is_known_to, update
+from satid_gym.core.belief.kalman import estimated_inertia, is_known_to, update
 from satid_gym.core.jit import inline, outline
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
@@ -133,21 +135,36 @@ def update_attitude(belief, work, reading):
     """Update by a reading (4,) of the star tracker; normalised innovation squared (3), 0 where nothing was compared.
 
     After a step updates by the gyro are iterated while a moment is known to no better than 5 %: the attitude begins
-    again with each reading.
+    again with each reading. With a gate a run of rejections is no step, which the gyro shows.
     """
-    belief.attitude.age = 0.0
+    gated = belief.gate.threshold > 0.0
+    if gated and gating.note_repeated_attitude(belief, reading):
+        return 0.0
     iterated = is_coarse(belief) and belief.stepped != 0
     if iterated or not attitude.is_known(belief):
         attitude.begin(belief, reading)
         return 0.0
+    if belief.coasting != 0:
+        inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
+        momentum_model.follow_own_rate(belief, inverse(inertia))
     attitude.linearise(belief, work, reading)
-    if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
+    if gated:
+        decision = gating.validate_attitude(belief, work)
+        if decision > 0.0:
+            return decision
+        if decision == gating.REINITIALISE:
+            attitude.begin(belief, reading)
+            return 0.0
+    elif belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
         attitude.doubt(belief, work, STEP)
         attitude.begin(belief, reading)
         return 0.0
+    belief.attitude.age, before = 0.0, load(belief.mean)
     nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)
     attitude.take_up(belief)
     if belief.modes.coupling.shape[0] > 0:
         modes.refresh(belief)
+    if gated:
+        unmeasured.follow(belief, before)
     return nis

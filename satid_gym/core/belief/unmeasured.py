@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from satid_gym.core.algebra import axpy, cross, dot, load, multiply, store, subtract
 from satid_gym.core.jit import inline
+from satid_gym.core.rotation import to_inertial
 from satid_gym.core.wheels import along_axis, wheel_axis
 
 STUCK, RECOVERED = 1, 2  # tachometer repeats itself; did so until the last reading
@@ -70,19 +71,27 @@ def hold_total(belief, omega, jacobian):
 
 @inline
 def inflate_momentum(belief, J_inv, dt):
-    """Add to P_MM what wheels without tachometer may have done in the dt seconds of a prediction.
+    """Add to M and attitude what wheels without tachometer may have done in the dt seconds of a prediction.
 
-    Spin s taken up evenly moves M - a by -s (A_k + dt / 2 M x J^-1 A_k).
+    Spin s taken up evenly moves M - a by -s (A_k + dt / 2 M x J^-1 A_k), and psi by -s dt / 2 R J^-1 A_k.
     """
-    covariance = belief.covariance
+    covariance, state = belief.covariance, belief.attitude
     for k in range(belief.stuck.shape[0]):
         if belief.stuck[k] != 0:
             axis = wheel_axis(belief.axes, k)
-            g = axpy(0.5 * dt, cross(load(belief.mean), multiply(J_inv, axis)), axis)
+            rate = multiply(J_inv, axis)
+            g = axpy(0.5 * dt, cross(load(belief.mean), rate), axis)
             variance = (_TORQUE_FACTOR * belief.gate.torque_max[k] * dt) ** 2
             for i in range(3):
                 for j in range(i, 3):
                     covariance[i, j] = covariance[j, i] = covariance[i, j] + variance * g[i] * g[j]
+            if state.on != 0 and state.known != 0:
+                turn = to_inertial(state.quaternion, axpy(0.5 * dt, rate, (0.0, 0.0, 0.0)))
+                for i in range(3):
+                    for j in range(3):
+                        both = covariance[i, state.first + j] + variance * g[i] * turn[j]
+                        covariance[i, state.first + j] = covariance[state.first + j, i] = both
+                        covariance[state.first + i, state.first + j] += variance * turn[i] * turn[j]
 
 
 @inline
