@@ -25,12 +25,12 @@ class Sensors(Config):
         encoder_pulses: pulses a revolution of the wheel that are counted over the sample period; tachometer_noise_std
             then has no effect. None: the tachometers measure wheel speed.
         tachometer_delay: delay of a reading, in sample periods.
-        star_tracker: a `StarTracker` or a mapping with its settings; None: no star tracker. It needs gyro and
-            tachometers that read at one instant.
+        star_tracker: a `StarTracker` or a mapping with its settings; None: no star tracker. Its readings are of the
+            instant at which they are given.
 
     Raises:
         ValueError: a delay is not within 0 and 4 periods, a quantum is negative or that of a gyro that does not
-            integrate, there are less than one pulse, or a star tracker flies with readings that are not of an instant.
+            integrate, or there are less than one pulse.
     """
 
     gyro_integrates: bool = False
@@ -57,11 +57,6 @@ class Sensors(Config):
             check_integer("encoder_pulses", self.encoder_pulses)
         if self.star_tracker is not None:
             object.__setattr__(self, "star_tracker", star_tracker_of(self.star_tracker))
-            if self.are_timed:
-                raise ValueError(
-                    "a star tracker flies with gyro and tachometers that are read at one instant: leave out "
-                    "star_tracker, or gyro_integrates, encoder_pulses and delays"
-                )
 
     @property
     def counts(self) -> bool:

@@ -42,6 +42,7 @@ from tests.cases import cases
 
 DEGREE = np.pi / 180.0
 TRACKER = StarTracker(boresight=[0.6, 0.0, 0.8])
+LATE = Sensors(star_tracker=TRACKER, tachometer_delay=1.0)
 BLINDED = TRACKER.replace(rate_limit=0.02, sun_exclusion=30 * DEGREE, earth_exclusion=10 * DEGREE, reacquire=2.0)
 BIAS = {"gyro_bias": 1e-4}  # all tests have one state size, for each has a filter to compile
 
@@ -53,6 +54,9 @@ def world(tracker=TRACKER, **settings):
 def with_panels():
     satellite = SATELLITES["microsat"]
     return satellite.replace(oscillators=(panel_pair(satellite, 0.1, 1, 2, frequency=0.35, damping=0.005),))
+
+
+BODIES = (SATELLITES["microsat"], pytest.param(with_panels(), marks=pytest.mark.slow))
 
 
 @pytest.fixture
@@ -154,7 +158,7 @@ def test_the_sun_is_drawn_only_where_it_blinds():
 
 
 @pytest.mark.compiled
-@cases("satellite", [SATELLITES["microsat"], with_panels()])
+@pytest.mark.parametrize("satellite", BODIES, ids=["rigid", "panels"])
 def test_compiled_equals_filterpy(satellite):
     flown = record(
         make_baseline("rate_square", "microsat"),
@@ -219,14 +223,8 @@ def test_derivatives_are_those_of_finite_differences(prior):
 
 
 @pytest.mark.compiled
-@cases(
-    ("satellite", "inertia"),
-    [
-        (satellite, inertia)
-        for satellite in (SATELLITES["microsat"], with_panels())
-        for inertia in ("static", "step", "drift", "periodic")
-    ],
-)
+@pytest.mark.parametrize("satellite", BODIES, ids=["rigid", "panels"])
+@cases("inertia", ["static", "step", "drift", "periodic"])
 def test_it_is_consistent_and_what_it_sees_helps(satellite, inertia):
     """Mean NEES of 40 episodes, with the tracker and where it is blind all the time."""
 
@@ -239,6 +237,31 @@ def test_it_is_consistent_and_what_it_sees_helps(satellite, inertia):
     assert 0.3 < seeing["nees"].mean() < 2.0
     assert 0.3 < blind["nees"].mean() < 2.0
     assert seeing["final_error"].mean() < (0.95 if inertia == "periodic" else 0.85) * blind["final_error"].mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("sensors", "delay"),
+    [
+        (Sensors(star_tracker=TRACKER, gyro_integrates=True), 0.0),
+        (Sensors(star_tracker=TRACKER, gyro_integrates=True, tachometer_delay=0.9), 0.3),
+        (Sensors(star_tracker=TRACKER, gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9), 0.1),
+    ],
+    ids=["integrating gyro", "late by an unknown time", "counted"],
+)
+def test_it_is_consistent_beside_readings_that_are_late_or_averaged(sensors, delay):
+    """The tracker reads the present, the state is older; yet it helps as much as beside readings of an instant."""
+
+    def scores(tracker):
+        own = world(tolerances=BIAS | {"tachometer_delay": delay}, sensors=sensors.replace(star_tracker=tracker))
+        policy, chosen = make_baseline("rate_square", "microsat"), seeds("validation", 40)
+        scenario = own.replace(horizon=300.0)
+        return fly(policy, satellite="microsat", inertia="static", scenario=scenario, seeds=chosen).scores()
+
+    seeing, blind = scores(TRACKER), scores(TRACKER.replace(rate_limit=1e-9))
+    assert 0.3 < seeing["nees"].mean() < 1.2
+    assert 0.3 < blind["nees"].mean() < 1.2
+    assert seeing["final_error"].mean() < 0.65 * blind["final_error"].mean()
 
 
 @pytest.mark.compiled
@@ -521,8 +544,8 @@ def test_what_takes_no_star_tracker_says_so(prior, tmp_path):
             make()
     with pytest.raises(ValueError, match="has no star tracker"):
         Pilot("microsat", "rate_square").start(0.0, gyro, speed, [0.0, 0.0, 0.0, 1.0])
-    with pytest.raises(ValueError, match="read at one instant"):
-        Sensors(star_tracker=TRACKER, gyro_integrates=True)
+    with pytest.raises(ValueError, match="needs the prior's sample_period"):
+        MomentumEKF().reset(prior.replace(sensors=LATE, sample_period=None), gyro, speed)
 
 
 def _tracked(name):

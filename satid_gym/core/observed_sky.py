@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import cross, dot, load, norm
-from satid_gym.core.belief import attitude
+from satid_gym.core.belief import attitude, star_reading
 from satid_gym.core.jit import outline
 from satid_gym.core.observed_number import write
 from satid_gym.core.rotation import load_quaternion, to_body, to_inertial
@@ -34,7 +34,7 @@ def observe_sky(belief, task, out, i):
     The Earth is where `core.truth.star_tracker` says; 0 where the attitude is not known.
     """
     known = 1.0 if attitude.is_known(belief) else 0.0
-    q, angle = belief.attitude.quaternion, task.orbit_rate * task.decision * task.samples * task.sample_period
+    q, angle = star_reading.present(belief), task.orbit_rate * task.decision * task.samples * task.sample_period
     if task.tells_sun != 0:
         sun = to_body(q, load(task.sun))
         for k in range(3):
@@ -56,7 +56,7 @@ def observe_window(belief, task, out, i):
     time = task.decision * task.samples * task.sample_period
     i = write(out, i, (task.opens - time) / WINDOW_UNIT)
     i = write(out, i, (task.closes - time) / WINDOW_UNIT)
-    here, target = load(task.payload), to_body(belief.attitude.quaternion, load(task.target))
+    here, target = load(task.payload), to_body(star_reading.present(belief), load(task.target))
     axis = cross(here, target)
     sine = norm(axis)
     turn = np.arctan2(sine, dot(here, target)) / sine if sine > 0.0 and attitude.is_known(belief) else 0.0

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
-from satid_gym.core.sampling import DELAY_SIGMAS, taps
+from satid_gym.core.sampling import DELAY_SIGMAS, taps, write_weights
 from satid_gym.estimators.prior import FilterPrior, counting_std
 from satid_gym.modes import Mode
 from satid_gym.reaction_wheels import ReactionWheels
@@ -87,6 +87,8 @@ def write_alignment(row: np.void, prior: FilterPrior) -> None:
     alignment["age"] = sensors.gyro_delay + 0.5 * sensors.gyro_integrates
     alignment["state_age"] = alignment["age"] + own.tachometer_delay + 0.5 * own.tachometer_averaged
     alignment["noise_taps"] = counts
+    if sensors.are_timed:
+        write_weights(sensors.gyro_delay, int(sensors.gyro_integrates), alignment["gyro_end_weight"])
     if counts > 0:
         alignment["noise"] = len(row["mean"]) - 3 * counts
         alignment["noise_covariance"] = noise_covariance(prior)

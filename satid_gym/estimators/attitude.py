@@ -9,9 +9,12 @@ from satid_gym.star_tracker import StarTracker
 ATTITUDE_STD_MIN = 1e-8  # rad: a tracker said to be noiseless is believed this far
 
 
-def write_attitude(row: np.void, tracker: StarTracker, first: int) -> None:
-    """Write the tracker to a record of `core.belief.attitude`, whose error the mean has from index `first` on."""
+def write_attitude(row: np.void, tracker: StarTracker, first: int, period: float) -> None:
+    """Write the tracker to a record of `core.belief.attitude`, whose error the mean has from index `first` on.
+
+    `period` is that of samples, s.
+    """
     row["on"], row["first"], row["boresight"] = 1, first, tracker.boresight
-    row["noisy"] = tracker.across_std > 0.0
+    row["period"], row["noisy"] = period, tracker.across_std > 0.0
     row["across_variance"] = max(tracker.across_std, ATTITUDE_STD_MIN) ** 2
     row["round_variance"] = max(tracker.round_std, ATTITUDE_STD_MIN) ** 2

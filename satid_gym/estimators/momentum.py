@@ -177,7 +177,12 @@ class MomentumEKFSettings(EstimatorSettings):
             write_modes(row["modes"], prior, first=6 + p)
         first = 6 + p + STATES * modes
         if prior.sensors.star_tracker is not None:
-            write_attitude(row["attitude"], prior.sensors.star_tracker, first)
+            if prior.sensors.are_timed and prior.sample_period is None:
+                raise ValueError(
+                    "a star tracker beside readings that are late or averaged needs the prior's sample_period, s: they "
+                    "are brought to one instant by it"
+                )
+            write_attitude(row["attitude"], prior.sensors.star_tracker, first, prior.sample_period or 0.0)
             first += 3
         if self.calibration_states(prior) > 0:
             write_calibration(row, prior, first, self.calibrate)

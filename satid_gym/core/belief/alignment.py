@@ -61,7 +61,9 @@ def alignment_dtype(n: int, lines: int) -> np.dtype:
             ("wheel_line", FLOAT, (lines, n)),
             ("span", INT),  # sample periods that an aligned reading is a mean of, in part
             ("mixed", INT),  # readings from the last on that are means of values before and after a step of the inertia
-            ("push_line", FLOAT, (lines, 3)),  # A u dt of the motors' commands, the latest first
+            ("push_line", FLOAT, (2 * lines, 3)),  # A u dt of the motors' commands, the latest first
+            ("gyro_end_weight", FLOAT, lines),  # of the gyro's reading, with what both sensors have in common
+            ("end_weight", FLOAT, 2 * lines),  # of the state, see `star_reading`
             ("input_change", FLOAT, 3),  # of a over the last prediction
         ],
         align=True,
@@ -80,8 +82,9 @@ def start(belief, gyro, tachometer):
     for b in range(s.noise_taps):
         weight = s.wheel_weight[b] - (s.wheel_weight[b - 1] if b > 0 else 0.0)
         c.spin_scale[c.spin_count - s.noise_taps + b] = -weight
-    for line in range(LINE):
+    for line in range(2 * LINE):
         store(s.push_line[line], (0.0, 0.0, 0.0))
+    for line in range(LINE):
         store(s.gyro_line[line], load(gyro))
         s.gyro_valid[line] = 1
         for k in range(tachometer.shape[0]):
@@ -118,7 +121,7 @@ def _align_wheels(belief, tachometer, torque, dt):
         for line in range(LINE):
             total += s.wheel_weight[line] * s.wheel_line[line, k]
         belief.speed[k] = total
-    for line in range(LINE - 1, 0, -1):
+    for line in range(2 * LINE - 1, 0, -1):
         store(s.push_line[line], load(s.push_line[line - 1]))
     store(s.push_line[0], axpy(dt, sum_wheels(belief.axes, torque), (0.0, 0.0, 0.0)))
     if s.noise_taps > 0:

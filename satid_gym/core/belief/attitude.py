@@ -29,7 +29,7 @@ from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, w
 from satid_gym.core.belief.modes import body_inertia
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
-from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
+from satid_gym.core.rotation import load_quaternion, product, store_quaternion, to_inertial, turn
 
 _KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins again: the error is no small angle
 
@@ -48,6 +48,7 @@ def attitude_dtype() -> np.dtype:
             ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
             ("age", FLOAT),  # s since the last reading; as long as the flight before the first
             ("span", FLOAT),  # s of the last prediction
+            ("period", FLOAT),  # s, of samples
             ("noisy", INT),  # 0: the tracker is said to have no noise
             ("rejections", INT),  # by the gate, in a row
             ("last", FLOAT, 4),  # reading
@@ -73,28 +74,6 @@ def forget(belief):
     for i in range(3):
         for j in range(covariance.shape[0]):
             covariance[state.first + i, j] = covariance[j, state.first + i] = 0.0
-
-
-@inline
-def _noise(state):
-    """N (symmetric), rad^2."""
-    x, y, z = to_inertial(state.quaternion, load(state.boresight))
-    s, d = state.across_variance, state.round_variance - state.across_variance
-    return s + d * x * x, s + d * y * y, s + d * z * z, d * x * y, d * x * z, d * y * z
-
-
-@outline
-def begin(belief, reading):
-    """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
-    forget(belief)
-    state, covariance = belief.attitude, belief.covariance
-    state.known, state.age, state.rejections = 1, 0.0, 0
-    store_quaternion(state.quaternion, load_quaternion(reading))
-    a, p = _noise(state), state.first
-    covariance[p, p], covariance[p + 1, p + 1], covariance[p + 2, p + 2] = a[0], a[1], a[2]
-    covariance[p, p + 1] = covariance[p + 1, p] = a[3]
-    covariance[p, p + 2] = covariance[p + 2, p] = a[4]
-    covariance[p + 1, p + 2] = covariance[p + 2, p + 1] = a[5]
 
 
 @inline
@@ -216,18 +195,6 @@ def doubt(belief, work, change):
     inertia = body_inertia(belief, belief.mean, estimated_inertia(belief))
     variance = (change * norm(multiply(inverse(inertia), momentum_model.body_momentum(belief)))) ** 2
     rate_noise.add(belief, work, momentum, (variance, variance, variance, 0.0, 0.0, 0.0), state.span**2)
-
-
-@outline
-def linearise(belief, work, reading):
-    """Whitened rows and innovation of a reading (4,), to work."""
-    state, rows, size = belief.attitude, work.rows, belief.mean.shape[0]
-    x, y, z, w = load_quaternion(state.quaternion)
-    store(work.innovation, rotation_vector(product(load_quaternion(reading), (-x, -y, -z, w))))
-    for i in range(3):
-        for j in range(size):
-            rows[i, j] = 1.0 if j == state.first + i else 0.0
-    momentum_model.whiten(work, _noise(state))
 
 
 @inline

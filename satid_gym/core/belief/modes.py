@@ -136,6 +136,17 @@ def deflection_rate(belief, i, omega):
 
 
 @inline
+def spring_torque(belief, omega):
+    """Torque on the body by the modes' springs and dampers, N m."""
+    total = (0.0, 0.0, 0.0)
+    for i in range(belief.modes.coupling.shape[0]):
+        w, eta = belief.modes.w[i], belief.mean[belief.modes.first + STATES * i]
+        force = w * w * eta + 2.0 * belief.modes.zeta[i] * w * deflection_rate(belief, i, omega)
+        total = axpy(force, load(belief.modes.d[i]), total)
+    return total
+
+
+@inline
 def limit_of(belief, i):
     """Limit of mode i's eta. Angle or travel is what is limited, and eta goes with the root of the mass, as d does."""
     return belief.modes.limit[i] * np.exp(belief.mean[belief.modes.first + STATES * i + 3])

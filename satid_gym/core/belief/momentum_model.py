@@ -70,6 +70,32 @@ def _least(spin, noise):
     return x * spin[0], y * spin[1], z * spin[2], 0.0, 0.0, 0.0
 
 
+@inline
+def write_rate_rows(belief, work, J_inv, rate, rows):
+    """Derivative of the rate by M, theta and the modes, at a rate, to rows (3, size); the number of columns that are.
+
+    What follows is 0. Leaves J^-1 in work.jacobian[0].
+    """
+    p, jacobian = belief.prior_theta.shape[0], work.jacobian[0]
+    store_symmetric(jacobian, J_inv)
+    write_times_regressor(jacobian, (-rate[0], -rate[1], -rate[2]), work.regressor)
+    for i in range(3):
+        for j in range(3):
+            rows[i, j] = jacobian[i, j]
+        for k in range(p):
+            rows[i, 3 + k] = work.regressor[i, k]
+        for j in range(3 + p, rows.shape[1]):
+            rows[i, j] = 0.0
+    filled = 3 + p
+    if belief.modes.coupling.shape[0] > 0:
+        modes.write_rate_errors(belief, belief.mean, rate, rows)
+        filled = 6 + p + modes.STATES * belief.modes.coupling.shape[0]
+        for j in range(6 + p, filled):
+            column = multiply(J_inv, modes.load_column(rows, j))
+            rows[0, j], rows[1, j], rows[2, j] = column
+    return filled
+
+
 @outline
 def linearise(belief, work, gyro):
     """Whitened rows and innovation of the gyro reading about the filter's mean.
@@ -79,7 +105,6 @@ def linearise(belief, work, gyro):
     innovation, and would bias theta if it were in the derivative as well. A component within five of its
     standard deviations is taken as none: noise is no excitation. In errors of the rate, `retraction` says where.
     """
-    p = belief.prior_theta.shape[0]
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     calibrated = belief.calibration.states > 0
     calibration.take_up(belief)
@@ -98,23 +123,8 @@ def linearise(belief, work, gyro):
             _beyond(likely[1], spin[1], noise[1]),
             _beyond(likely[2], spin[2], noise[2]),
         )
-    rows, jacobian = work.rows, work.jacobian[0]
-    store_symmetric(jacobian, J_inv)
-    write_times_regressor(jacobian, (-likely[0], -likely[1], -likely[2]), work.regressor)
-    for i in range(3):
-        for j in range(3):
-            rows[i, j] = jacobian[i, j]
-        for k in range(p):
-            rows[i, 3 + k] = work.regressor[i, k]
-        for j in range(3 + p, rows.shape[1]):
-            rows[i, j] = 0.0
-    filled = 3 + p
-    if belief.modes.coupling.shape[0] > 0:
-        modes.write_rate_errors(belief, belief.mean, likely, rows)
-        filled = 6 + p + modes.STATES * belief.modes.coupling.shape[0]
-        for j in range(6 + p, filled):
-            rate = multiply(J_inv, modes.load_column(rows, j))
-            rows[0, j], rows[1, j], rows[2, j] = rate
+    rows = work.rows
+    filled = write_rate_rows(belief, work, J_inv, likely, rows)
     if calibrated:
         calibration.complete_rows(belief, likely, rows, filled)
         if belief.calibration.delay > 0:

@@ -12,6 +12,7 @@ from satid_gym.core.belief import (
     modes,
     momentum_model,
     retraction,
+    star_reading,
     unmeasured,
     whiteness,
 )
@@ -142,23 +143,24 @@ def update_attitude(belief, work, reading):
         return 0.0
     iterated = is_coarse(belief) and belief.stepped != 0
     if iterated or not attitude.is_known(belief):
-        attitude.begin(belief, reading)
+        star_reading.begin(belief, work, reading)
         return 0.0
     if belief.coasting != 0:
         inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
         momentum_model.follow_own_rate(belief, inverse(inertia))
-    attitude.linearise(belief, work, reading)
+    star_reading.linearise(belief, work, reading)
     if gated:
         decision = gating.validate_attitude(belief, work)
         if decision > 0.0:
             return decision
         if decision == gating.REINITIALISE:
-            attitude.begin(belief, reading)
+            star_reading.begin(belief, work, reading)
             return 0.0
     elif belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
         adaptation.step(belief)
         attitude.doubt(belief, work, STEP)
-        attitude.begin(belief, reading)
+        alignment.leave_out_mixed(belief)
+        star_reading.begin(belief, work, reading)
         return 0.0
     belief.attitude.age, before = 0.0, load(belief.mean)
     nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)

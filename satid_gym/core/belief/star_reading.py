@@ -1,0 +1,189 @@
+"""Star reading: what a reading of the star tracker tells of the attitude.
+
+Where readings of gyro and wheels are aligned in time (`alignment`) the state, and q with it, is a weighted mean of what
+is true at the ends of the sample periods, i periods ago with weight c_i: those of the gyro's reading, convolved with
+those of the tachometers'. Until now the body has turned from there by
+
+    phi = n omega dt + (n^2 - sum_i c_i i^2 / 2) dt^2 J^-1 (M x omega + tau + F) - J^-1 sum_k v_k dt (A u_k dt)
+    n = sum_i c_i i,   v_k = sum_(i > k) c_i (n - i + k + 1/2)
+
+with F the torque of the modes' springs and dampers, and u_k the motors' command in the sample that ended k periods ago.
+So, with r the rate at which derivatives are taken and d the tachometers' delay, of which n is a part,
+
+    q_read (q exp(phi))^-1 = exp(psi + R dphi + noise)
+    dphi = n dt J^-1 (dM - L(r) dtheta - sum_k Omega_k de_k) + r dt dd
+
+Errors of an encoder add up to an error of the angle that is no larger than that of a count: it is taken as noise of the
+reading. Source: this project's design.
+"""
+
+from __future__ import annotations
+
+from satid_gym.core.algebra import (
+    add,
+    axpy,
+    axpy_symmetric,
+    congruence,
+    cross,
+    inverse,
+    load,
+    load_symmetric,
+    multiply,
+    store,
+    subtract,
+)
+from satid_gym.core.belief import attitude, modes, momentum_model
+from satid_gym.core.belief.kalman import estimated_inertia
+from satid_gym.core.jit import inline, outline
+from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
+from satid_gym.core.sampling import LINE
+
+_ENCODER_SHARE = 0.5  # of a count's variance, at most, that is left of it in the angle: 0.375 with an integrating gyro
+
+
+@inline
+def _free_inertia(belief):
+    """J less what moves freely in the modes, inverted (symmetric)."""
+    return inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
+
+
+@outline
+def _turned(belief, J_inv):
+    """phi (3,), and the state's age, s."""
+    a, period = belief.alignment, belief.attitude.period
+    ends = a.end_weight.shape[0]
+    for i in range(ends):
+        a.end_weight[i] = 0.0
+    for i in range(LINE):
+        for j in range(LINE):
+            a.end_weight[i + j] += a.gyro_end_weight[i] * a.gyro_weight[j]
+    age = square = 0.0
+    for i in range(ends):
+        age += a.end_weight[i] * i
+        square += a.end_weight[i] * i * i
+    swept, older, moment = (0.0, 0.0, 0.0), 0.0, 0.0
+    for k in range(ends - 1, -1, -1):  # of the ends before the command k: their weight, and that times the time to it
+        swept = axpy(age * older - moment - 0.5 * older, load(a.push_line[k]), swept)
+        moment += older
+        older += a.end_weight[k]
+    momentum, tau = load(belief.mean), load(belief.mean[3 + belief.prior_theta.shape[0] :])
+    omega = multiply(J_inv, momentum_model.body_momentum(belief))
+    push = add(add(cross(momentum, omega), tau), modes.spring_torque(belief, omega))
+    change = axpy((age * age - 0.5 * square) * period * period, push, axpy(-period, swept, (0.0, 0.0, 0.0)))
+    return axpy(age * period, omega, multiply(J_inv, change)), age * period
+
+
+@inline
+def present(belief):
+    """Attitude at present, a quaternion; of a state that is as old as its readings that of the state."""
+    q = load_quaternion(belief.attitude.quaternion)
+    if belief.alignment.on == 0:
+        return q
+    return product(q, turn(_turned(belief, _free_inertia(belief))[0]))
+
+
+@inline
+def _noise(state, q):
+    """N (symmetric) at an attitude, rad^2."""
+    x, y, z = to_inertial(q, load(state.boresight))
+    s, d = state.across_variance, state.round_variance - state.across_variance
+    return s + d * x * x, s + d * y * y, s + d * z * z, d * x * y, d * x * z, d * y * z
+
+
+@outline
+def _write_rows(belief, work, J_inv, phi, s, rows):
+    """R dphi by the state, to rows (3, size)."""
+    c, state = belief.calibration, belief.attitude
+    q = load_quaternion(state.quaternion)
+    own = multiply(J_inv, momentum_model.body_momentum(belief))
+    rate = own
+    if s > 0.0:
+        rate = axpy(1.0 / s, phi, subtract(load(belief.reference_rate), own))
+    momentum_model.write_rate_rows(belief, work, J_inv, rate, rows)
+    for k in range(c.spin_count):
+        for i in range(3):
+            for j in range(3):
+                rows[i, c.spins + 3 * k + j] = -c.spin_scale[k] * work.jacobian[0, i, j]
+    for j in range(rows.shape[1]):
+        column = to_inertial(q, (s * rows[0, j], s * rows[1, j], s * rows[2, j]))
+        rows[0, j], rows[1, j], rows[2, j] = column
+    if c.delay > 0:
+        column = to_inertial(q, axpy(state.period, load(belief.reference_rate), (0.0, 0.0, 0.0)))
+        rows[0, c.delay], rows[1, c.delay], rows[2, c.delay] = column
+
+
+@inline
+def _angle_noise(belief, J_inv):
+    """Covariance (symmetric) of what an encoder's errors add up to in the angle, inertial frame, rad^2."""
+    q, s = belief.attitude.quaternion, load_symmetric(belief.alignment.noise_covariance)
+    noise = congruence(J_inv, s)
+    rows = ((noise[0], noise[3], noise[4]), (noise[3], noise[1], noise[5]), (noise[4], noise[5], noise[2]))
+    turned = (to_inertial(q, rows[0]), to_inertial(q, rows[1]), to_inertial(q, rows[2]))
+    x = to_inertial(q, (turned[0][0], turned[1][0], turned[2][0]))
+    y = to_inertial(q, (turned[0][1], turned[1][1], turned[2][1]))
+    z = to_inertial(q, (turned[0][2], turned[1][2], turned[2][2]))
+    share = _ENCODER_SHARE * belief.attitude.period**2
+    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return axpy_symmetric(share, (x[0], y[1], z[2], x[1], x[2], y[2]), zero)
+
+
+@outline
+def begin(belief, work, reading):
+    """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
+    attitude.forget(belief)
+    state = belief.attitude
+    state.known, state.age, state.rejections = 1, 0.0, 0
+    store_quaternion(state.quaternion, load_quaternion(reading))
+    _add(belief, _noise(state, state.quaternion))
+    if belief.alignment.on != 0:
+        _turn_back(belief, work)
+
+
+@outline
+def _turn_back(belief, work):
+    """Take the attitude, as it was read, to the instant that the state stands for: psi is less R dphi then."""
+    state, rows, J_inv = belief.attitude, work.attitude, _free_inertia(belief)
+    phi, s = _turned(belief, J_inv)
+    store_quaternion(state.quaternion, product(load_quaternion(state.quaternion), turn((-phi[0], -phi[1], -phi[2]))))
+    if belief.alignment.noise_taps > 0:
+        _add(belief, _angle_noise(belief, J_inv))
+    _write_rows(belief, work, J_inv, phi, s, rows)
+    for i in range(3):
+        for j in range(rows.shape[1]):
+            rows[i, j] = -rows[i, j]
+    attitude.propagate(belief, work)
+
+
+@inline
+def _add(belief, a):
+    """Add A (symmetric) to psi's covariance."""
+    covariance, p = belief.covariance, belief.attitude.first
+    covariance[p, p] += a[0]
+    covariance[p + 1, p + 1] += a[1]
+    covariance[p + 2, p + 2] += a[2]
+    covariance[p, p + 1] = covariance[p + 1, p] = covariance[p, p + 1] + a[3]
+    covariance[p, p + 2] = covariance[p + 2, p] = covariance[p, p + 2] + a[4]
+    covariance[p + 1, p + 2] = covariance[p + 2, p + 1] = covariance[p + 1, p + 2] + a[5]
+
+
+@outline
+def linearise(belief, work, reading):
+    """Whitened rows and innovation of a reading (4,), to work."""
+    state, rows, size = belief.attitude, work.rows, belief.mean.shape[0]
+    q = load_quaternion(state.quaternion)
+    noise = _noise(state, state.quaternion)
+    for i in range(3):
+        for j in range(size):
+            rows[i, j] = 0.0
+    if belief.alignment.on != 0:
+        J_inv = _free_inertia(belief)
+        phi, s = _turned(belief, J_inv)
+        q = product(q, turn(phi))
+        _write_rows(belief, work, J_inv, phi, s, rows)
+        if belief.alignment.noise_taps > 0:
+            noise = axpy_symmetric(1.0, _angle_noise(belief, J_inv), noise)
+    for i in range(3):
+        rows[i, state.first + i] = 1.0
+    x, y, z, w = q
+    store(work.innovation, rotation_vector(product(load_quaternion(reading), (-x, -y, -z, w))))
+    momentum_model.whiten(work, noise)
