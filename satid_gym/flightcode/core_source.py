@@ -150,6 +150,7 @@ class CoreSource:
             "STATES": len(belief["mean"]),
             "MODES": len(belief["modes"]["frequency"]),
             "OBSERVATION": max(place.stop for place in pilot.problem.layout.values()),
+            "TRACKER": int(pilot.mission.prior.sensors.star_tracker is not None),
             "RATE_CONTROL": int(pilot.problem.control == "rate"),
             "SAMPLE_PERIOD": world.sample_period,
             "SAMPLES": world.samples,

@@ -97,8 +97,8 @@ def _sections(source: Path) -> tuple[int, int, int]:
 
 def _seconds(pilot: Pilot, rows: np.ndarray) -> float:
     """Time that the pilot takes for the readings."""
-    n = pilot.problem.wheels
-    readings = [(row[0], row[1:4], row[4 : 4 + n]) for row in rows]
+    n, tracked = pilot.problem.wheels, pilot.mission.prior.sensors.star_tracker is not None
+    readings = [(row[0], row[1:4], row[4 : 4 + n], row[4 + n : 8 + n] if tracked else None) for row in rows]
     pilot.start(*readings[0])
     begun = time.perf_counter()
     for reading in readings[1:]:

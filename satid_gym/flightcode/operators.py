@@ -37,6 +37,9 @@ _COMPARE: dict[type[ast.cmpop], tuple[str, int, Callable[[Any, Any], bool]]] = {
 FUNCTIONS: dict[Any, str] = {
     np.sqrt: "sqrt",
     np.exp: "exp",
+    np.sin: "sin",
+    np.cos: "cos",
+    np.arctan2: "atan2",
     np.log: "log",
     np.log10: "log10",
     np.ceil: "ceil",

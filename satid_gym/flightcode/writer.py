@@ -29,7 +29,7 @@ def write(output: Path, pilot: Pilot) -> list[str]:
         Names of the files.
 
     Raises:
-        ValueError: the policy has no C, or there is a star tracker.
+        ValueError: the policy has no C.
     """
     pilot = copy.deepcopy(pilot)  # one that is flying flies on
     found = texts(pilot)
@@ -47,10 +47,8 @@ def texts(pilot: Pilot, counting: bool = False) -> dict[str, str]:
     """Sources of a pilot in C by name; counting: those whose operations are counted.
 
     Raises:
-        ValueError: its policy has no C, or there is a star tracker.
+        ValueError: its policy has no C.
     """
-    if pilot.mission.prior.sensors.star_tracker is not None:
-        raise ValueError("flight code supports only gyro and tachometers: export with sensors without star_tracker")
     policy = policy_source(pilot)
     core = CoreSource(pilot, policy.constants, counting)
     own = {"satid_core.h": core.header, "satid_core.c": core.source}

@@ -124,7 +124,8 @@ def state_scale(belief, task, i):
     if belief.kind == _MOMENTUM:
         if i < 3:
             return belief.theta_scale[i] * task.rate_limit
-        if belief.attitude.on != 0 and belief.attitude.first <= i < belief.attitude.first + 3:
+        psi = i - belief.attitude.first
+        if belief.attitude.on != 0 and psi >= 0 and psi < 3:
             return 1.0
         if i < 6 + p or task.observation != _BODY:
             return belief.prior_torque_std

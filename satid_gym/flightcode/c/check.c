@@ -5,7 +5,8 @@
 
 #include "satid_pilot.h"
 
-#define COLUMNS (4 + 2 * SATID_WHEELS + 2 * SATID_PARAMETERS) /* of vectors.csv */
+#define SKY (4 * SATID_TRACKER)
+#define COLUMNS (4 + SKY + 2 * SATID_WHEELS + 2 * SATID_PARAMETERS) /* of vectors.csv */
 #define LINE_MAX 4096
 #define TOLERANCE 1e-6
 
@@ -43,7 +44,7 @@ int main(int count, char **words)
 {
     const char *name = count > 1 ? words[1] : "vectors.csv";
     double row[COLUMNS], torque[SATID_WHEELS], theta[SATID_PARAMETERS], std[SATID_PARAMETERS];
-    const double *speed = row + 4, *expected = speed + SATID_WHEELS, *estimate = expected + SATID_WHEELS;
+    const double *speed = row + 4, *expected = speed + SATID_WHEELS + SKY, *estimate = expected + SATID_WHEELS;
     double worst_torque = 0.0, worst_theta = 0.0, worst_std = 0.0, seconds = 0.0;
     char head[LINE_MAX];
     long rows = 0;
@@ -60,6 +61,9 @@ int main(int count, char **words)
         const clock_t begun = clock();
 #ifdef SATID_COUNTING
         const unsigned long before = satid_operations;
+#endif
+#if SATID_TRACKER
+        satid_see(&pilot, speed + SATID_WHEELS);
 #endif
         if (rows == 0) {
             satid_start(&pilot, row[0], row + 1, speed, torque);

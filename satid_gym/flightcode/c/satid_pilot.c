@@ -5,6 +5,7 @@
 #define SAME 1e-6          /* of the sample period, within which two intervals are the same */
 #define SPEED_MAX 1.5      /* a reading beyond this many limits is a wrong unit or a fault */
 #define RATE_MAX 10.0
+#define LENGTH_SLACK 1e-3  /* of a quaternion */
 #define STEPS_MAX (SATID_DECISIONS * SATID_SAMPLES + 1) /* samples of the longest gap that is crossed */
 
 enum { GOOD, MISSING, REFUSED };
@@ -27,6 +28,33 @@ static int judge_gyro(const double *gyro)
     const double limit[3] = {SATID_RATE_LIMIT, SATID_RATE_LIMIT, SATID_RATE_LIMIT};
     return judge(gyro, 3, limit, RATE_MAX);
 }
+
+#if SATID_TRACKER
+static int judge_attitude(const double *attitude)
+{
+    const double limit[4] = {1.0, 1.0, 1.0, 1.0};
+    const int found = judge(attitude, 4, limit, 1.0 + LENGTH_SLACK);
+    double square = 0.0;
+    for (int k = 0; found == GOOD && k < 4; k++) {
+        square += attitude[k] * attitude[k];
+    }
+    return found == GOOD && fabs(sqrt(square) - 1.0) > LENGTH_SLACK ? REFUSED : found;
+}
+
+void satid_see(satid_pilot *pilot, const double *attitude)
+{
+    pilot->seen_attitude = judge_attitude(attitude) == MISSING ? 0 : 1;
+    for (int k = 0; k < 4; k++) {
+        pilot->readings.tracker.reading[k] = pilot->seen_attitude ? attitude[k] : NAN;
+    }
+}
+
+void satid_set_sun(satid_pilot *pilot, const double sun[3])
+{
+    memcpy(pilot->sun, sun, sizeof pilot->sun);
+    memcpy(pilot->task.sun, sun, sizeof pilot->task.sun);
+}
+#endif
 
 static void count(satid_status *status, int found, uint32_t missing, uint32_t refused)
 {
@@ -138,6 +166,19 @@ static void steer(satid_pilot *pilot, bool told)
 #endif
 }
 
+/* Take the attitude that `satid_see` was given for these readings, if it is good, and no other later. */
+static void take_attitude(satid_pilot *pilot)
+{
+#if SATID_TRACKER
+    const int found = pilot->seen_attitude ? judge_attitude(pilot->readings.tracker.reading) : MISSING;
+    count(&pilot->status, found == REFUSED ? REFUSED : GOOD, 0, SATID_ATTITUDE_REFUSED);
+    pilot->readings.tracker.fresh = found == GOOD ? 1 : 0;
+    pilot->seen_attitude = 0;
+#else
+    (void)pilot;
+#endif
+}
+
 static void monitor(satid_pilot *pilot)
 {
     satid_report *report = &pilot->report;
@@ -195,10 +236,21 @@ static void look_after(satid_pilot *pilot, double time)
 void satid_start(satid_pilot *pilot, double time, const double gyro[3], const double wheel_speed[SATID_WHEELS],
                  double torque[SATID_WHEELS])
 {
+#if SATID_TRACKER
+    const satid_readings given = pilot->readings;
+    const int32_t seen = pilot->seen_attitude;
+    const double sun[3] = {pilot->sun[0], pilot->sun[1], pilot->sun[2]};
+#endif
     memset(pilot, 0, sizeof *pilot);
     pilot->belief = satid_first_belief;
     pilot->task = satid_first_task;
     memset(torque, 0, sizeof pilot->torque);
+#if SATID_TRACKER
+    pilot->readings.tracker = given.tracker;
+    pilot->seen_attitude = seen;
+    satid_set_sun(pilot, sun);
+#endif
+    take_attitude(pilot);
     {
         const int of_gyro = judge_gyro(gyro);
         const int of_wheels = judge(wheel_speed, SATID_WHEELS, pilot->task.wheel_speed_max, SPEED_MAX);
@@ -242,6 +294,7 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
     status->flags = 0;
     count(status, of_gyro, SATID_NO_GYRO, SATID_GYRO_REFUSED);
     count(status, of_wheels, SATID_NO_WHEELS, SATID_WHEELS_REFUSED);
+    take_attitude(pilot);
     if (!isfinite(time) || time < pilot->seen + SAME * SATID_SAMPLE_PERIOD) {
         const bool repeated = fabs(time - pilot->seen) <= SAME * SATID_SAMPLE_PERIOD;
         status->late += repeated ? 0 : 1;

@@ -27,7 +27,8 @@ enum {
     SATID_NO_ACTION = 512,     /* the policy gave no number */
     SATID_NO_TORQUE = 1024,    /* the rate loop gave no number */
     SATID_STALE = 2048,        /* stamps have been repeated or late for longer than SATID_PATIENCE: start again */
-    SATID_UNMODELLED = 4096    /* the innovations are not those of a consistent filter */
+    SATID_UNMODELLED = 4096,   /* the innovations are not those of a consistent filter */
+    SATID_ATTITUDE_REFUSED = 8192 /* not finite, or no quaternion of length 1 */
 };
 
 typedef struct {
@@ -48,6 +49,10 @@ typedef struct {
     double begun, time, seen, heard, steered; /* s: start; last update, stamp, gyro reading, and torque of the rate loop */
     int32_t decided; /* decisions */
     uint32_t passed; /* stamps in a row that were repeated or late */
+#if SATID_TRACKER
+    int32_t seen_attitude; /* 1: one was given for the readings to come */
+    double sun[3];
+#endif
     satid_belief belief;
     satid_task task;
     satid_readings readings;
@@ -66,6 +71,15 @@ void satid_start(satid_pilot *pilot, double time, const double gyro[3], const do
    always finite and within the motors' limits. */
 void satid_step(satid_pilot *pilot, double time, const double *gyro, const double *wheel_speed,
                 double torque[SATID_WHEELS]);
+
+#if SATID_TRACKER
+/* Give a new reading of the star tracker, a quaternion from body to inertial, scalar last, before the start or step of
+   the same instant, which takes it; a null pointer or all NAN is none. */
+void satid_see(satid_pilot *pilot, const double *attitude);
+
+/* Direction of the Sun, inertial frame, for a policy that observes it; (0, 0, 0) until it is given. */
+void satid_set_sun(satid_pilot *pilot, const double sun[3]);
+#endif
 
 /* Estimate of the inertia Jxx, Jyy, Jzz and, of the full tensor, Jxy, Jxz, Jyz, with standard deviations, kg m^2. */
 void satid_estimate(const satid_pilot *pilot, double theta[SATID_PARAMETERS], double std[SATID_PARAMETERS]);
