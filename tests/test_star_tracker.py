@@ -32,7 +32,6 @@ from satid_gym.estimators.filterpy.attitude import AttitudeModel
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.evaluation import fly, seeds
 from satid_gym.fleet import Fleet
-from satid_gym.flightcode import write
 from satid_gym.policies.registry import make_baseline
 from satid_gym.policy import missions
 from satid_gym.problem import problem
@@ -312,6 +311,34 @@ def test_the_gate_keeps_wrong_readings_out(how):
     assert good.record["rejected"] == 0
 
 
+@pytest.mark.compiled
+@cases("convention", ["right", "inertial to body", "scalar first", "axes of another frame"])
+def test_a_pilot_survives_a_wrong_convention_of_the_attitude_by_its_gate_and_tells_of_it_without(convention):
+    """It never fits the gyro, so all but the first of three in a row are rejected; without a gate there is an alarm."""
+    turned = {
+        "right": lambda q: q,
+        "inertial to body": lambda q: np.r_[-q[:3], q[3]],
+        "scalar first": lambda q: np.r_[q[3], q[:3]],
+        "axes of another frame": lambda q: (Rotation.from_quat(q) * Rotation.from_rotvec([0.0, 0.0, 1.5])).as_quat(),
+    }[convention]
+    policy = make_baseline("rate_square", "microsat")
+    flown = record(policy, satellite="microsat", inertia="static", seeds=[90_003], scenario=world())
+    errors, alarms = [], []
+    for gate in (0.0, 1e-6):
+        pilot = Pilot("microsat", "rate_square", scenario=world(), estimator={"name": "adaptive", "gate": gate})
+        given = [None if np.isnan(q).any() else turned(q) for q in flown.star_tracker[0]]
+        pilot.start(0.0, flown.gyro[0, 0], flown.tachometer[0, 0], given[0])
+        for k in range(1, len(given)):
+            pilot.step(k * flown.dt, flown.gyro[0, k], flown.tachometer[0, k], given[k])
+        truth = np.diag(flown.motion.inertia[0, -1])
+        errors.append(np.abs(pilot.estimate.theta / truth - 1.0).max())
+        alarms.append(pilot.estimate.unmodelled)
+    assert errors[1] < 1e-3
+    assert (pilot.status.counts["rejected"] > 50) == (convention != "right")
+    assert alarms == [convention != "right", False]
+    assert convention == "right" or errors[0] > 0.1
+
+
 def direction(generator):
     """Unit vector."""
     v = generator.normal(size=3)
@@ -528,7 +555,7 @@ def test_a_data_sheet_that_cannot_be_is_refused(settings, message):
         problem("microsat", "static", world(StarTracker(**settings)))
 
 
-def test_what_takes_no_star_tracker_says_so(prior, tmp_path):
+def test_what_takes_no_star_tracker_says_so(prior):
     gyro, speed = np.zeros(3), np.zeros(3)
     for make in (
         lambda: RateEKF().reset(prior, gyro, speed),
@@ -537,7 +564,6 @@ def test_what_takes_no_star_tracker_says_so(prior, tmp_path):
         lambda: FilterpyMomentumUKF().reset(prior, gyro, speed),
         lambda: MomentumSmoother(calibrate=False).run(prior, gyro[None], speed[None], 0.1),
         lambda: SatInertiaIDEnv(scenario=world(), estimator=FilterpyMomentumEKF()),
-        lambda: write(tmp_path, Pilot("microsat", "rate_square", scenario=world())),
         lambda: SatInertiaIDVectorEnv(2, ["microsat", _tracked("cubesat")], "static"),
     ):
         with pytest.raises(ValueError, match=r"star.tracker"):

@@ -118,8 +118,11 @@ def _off(**tolerances: float) -> World:
     return World(scenario={"tolerances": Tolerances(**tolerances)})
 
 
-def _tracked(tracker: StarTracker, satellites: tuple[Satellite, ...] = (), **tolerances: float) -> World:
-    scenario = {"sensors": Sensors(star_tracker=tracker), "tolerances": Tolerances(**tolerances)}
+def _tracked(
+    tracker: StarTracker, satellites: tuple[Satellite, ...] = (), sensors: Sensors | None = None, **tolerances: float
+) -> World:
+    seeing = (sensors or Sensors()).replace(star_tracker=tracker)
+    scenario = {"sensors": seeing, "tolerances": Tolerances(**tolerances)}
     return World(scenario=scenario, satellites=satellites, topic="tracker")
 
 
@@ -128,6 +131,8 @@ _GOOD = StarTracker(across_std=2.0 * _ARCSEC, round_std=20.0 * _ARCSEC, period=0
 _COARSE = StarTracker(across_std=10.0 * _ARCSEC, round_std=60.0 * _ARCSEC, period=0.5)
 _LIMITED = _GOOD.replace(rate_limit=_DEGREE)
 _BLINDED = _LIMITED.replace(sun_exclusion=30.0 * _DEGREE, earth_exclusion=10.0 * _DEGREE)
+_LATE_GYRO = Sensors(gyro_integrates=True)
+_PANELLED = tuple(_with_panels(SATELLITES[name], 0.1, 0.35) for name in BENCHMARK_SATELLITES)
 _SLOW = tuple(SATELLITES[name].replace(rate_limit=0.5 * _DEGREE) for name in BENCHMARK_SATELLITES)
 
 
@@ -185,6 +190,20 @@ WORLDS: Mapping[str, World] = {
     "tracker, scale 0.1 %": _tracked(_GOOD, gyro_scale=1e-3),
     "tracker to 1 deg/s, scale 0.1 %": _tracked(_LIMITED, gyro_scale=1e-3),
     "tracker to 1 deg/s, flown to 0.5 deg/s, scale 0.1 %": _tracked(_LIMITED, _SLOW, gyro_scale=1e-3),
+    "tracker, panels 10 %, 0.35 Hz, bias 1e-4 rad/s": _tracked(_GOOD, _PANELLED, gyro_bias=1e-4),
+    "tracker, integrating gyro, bias 1e-4 rad/s": _tracked(_GOOD, sensors=_LATE_GYRO, gyro_bias=1e-4),
+    "tracker, integrating gyro, tachometers 0.9(3) late, bias 1e-4 rad/s": _tracked(
+        _GOOD, sensors=_LATE_GYRO.replace(tachometer_delay=0.9), gyro_bias=1e-4, tachometer_delay=0.3
+    ),
+    "tracker, 64 pulses 0.9(1) late, bias 1e-4 rad/s": _tracked(
+        _GOOD,
+        sensors=_LATE_GYRO.replace(encoder_pulses=64, tachometer_delay=0.9),
+        gyro_bias=1e-4,
+        tachometer_delay=0.1,
+    ),
+    "tracker, panels 10 %, 0.35 Hz, integrating gyro, bias 1e-4 rad/s": _tracked(
+        _GOOD, _PANELLED, sensors=_LATE_GYRO, gyro_bias=1e-4
+    ),
 }
 """Worlds that are flown, by name."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import drive_many
 from satid_gym.core.belief import filters
-from satid_gym.core.records import FLOAT, INT
+from satid_gym.core.records import FLOAT
 from satid_gym.core.report import note_peaks
 from satid_gym.estimators.records import new_work
 from satid_gym.flightcode.c_types import (
@@ -31,20 +31,7 @@ from satid_gym.onboard import kernels
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.templates import build_templates
 
-_STORED = {"substeps", "decision", "nis_sum", "nis_count"}  # by satid_pilot.c
-_REPORT = np.dtype(
-    [
-        ("nis_mean", FLOAT),
-        ("colour", FLOAT),
-        ("unmodelled", INT),
-        ("inflation", FLOAT),
-        ("restarts", INT),
-        ("inertia_walk", FLOAT),
-        ("steps_found", INT),
-        ("peak_rate", FLOAT, 3),
-        ("peak_bend", FLOAT),
-    ]
-)
+_STORED = {"substeps", "decision", "nis_sum", "nis_count", "rejected"}  # by satid_pilot.c
 
 
 class CoreSource:
@@ -78,7 +65,7 @@ class CoreSource:
         task = record_of("satid_task", self._task.dtype, self._task[0], changing)
         work = record_of("satid_work", new_work(self._belief).dtype)
         readings = record_of("satid_readings", kernels.readings_dtype(n))
-        report = record_of("satid_report", _REPORT)
+        report = record_of("satid_report", kernels.report_dtype())
         self._values = {belief: self._belief[0], task: self._task[0]}
         self._records = [readings, belief, task, work, report]
         self._translator = Translator(counting)

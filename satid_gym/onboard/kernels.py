@@ -32,6 +32,30 @@ def readings_dtype(n: int) -> np.dtype:
     return np.dtype(readings, align=True)
 
 
+@functools.cache
+def report_dtype() -> np.dtype:
+    """What the filter says of itself, and how near to its limits the flight was, in the fields of an episode's."""
+    return np.dtype(
+        [
+            ("nis_mean", FLOAT),
+            ("colour", FLOAT),
+            ("unmodelled", INT),
+            ("inflation", FLOAT),
+            ("restarts", INT),
+            ("inertia_walk", FLOAT),
+            ("steps_found", INT),
+            ("peak_rate", FLOAT, 3),
+            ("peak_bend", FLOAT),
+        ]
+    )
+
+
+@kernel
+def tell(beliefs, reports):
+    """Write what the filter says of itself to a report."""
+    filters.tell(beliefs[0], reports[0])
+
+
 @kernel
 def begin(readings, beliefs, tasks, work, observations):
     """Belief and observation after the first readings."""

@@ -13,14 +13,13 @@ from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.gym_api import real_action
 from satid_gym.onboard import kernels
 from satid_gym.onboard.choice import policy_by_name
+from satid_gym.onboard.clock import SAME, Clock
 from satid_gym.onboard.readings import Reading, attitude_reading, gyro_reading, instant, sun_direction, wheel_reading
 from satid_gym.onboard.reports import Estimate, Status, estimate_of
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.problem import problem
 from satid_gym.resolution import SatelliteLike, ScenarioLike
 from satid_gym.templates import build_templates
-
-_SAME = 1e-6  # of the sample period, within which two intervals are the same
 
 
 class Pilot:
@@ -95,7 +94,7 @@ class Pilot:
         """
         if self.status.state == "waiting":
             raise RuntimeError("there is no estimate yet: call start(time, gyro, wheel_speed) first")
-        return estimate_of(self._beliefs[0], self._time, self._nis)
+        return estimate_of(self._beliefs, self._time, self._nis)
 
     def start(
         self, time: float, gyro: object, wheel_speed: object, attitude: object = None, sun: object = None
@@ -127,8 +126,9 @@ class Pilot:
         self._beliefs, self._tasks = self._first.beliefs.copy(), self._first.tasks.copy()
         self._tasks["sun"] = towards
         self._work, self._substeps = new_work(self._beliefs), int(self._beliefs["substeps"][0])
-        self._begun = self._time = self._seen = self._heard = self._steered = time
-        self._decided, self._passed, self._nis, self.status = 0, 0, np.nan, Status(state="flying")
+        self._begun = self._time = self._heard = self._steered = time
+        self._clock = Clock(time, self.problem.scenario.sample_period, self.patience)
+        self._decided, self._nis, self.status = 0, np.nan, Status(state="flying")
         self.policy.reset(self.mission, [self.seed])
         reading = self._readings[0]
         reading["gyro"], reading["tachometer"], reading["gyro_flagged"] = rate, speed, 0
@@ -159,14 +159,12 @@ class Pilot:
         (rate, *_), (speed, *_), (turned, *_) = readings
         world = self.problem.scenario
         period = world.sample_period
-        if time < self._seen + _SAME * period:
-            self._count("late" if time < self._seen - _SAME * period else "repeated", "a stamp that has passed")
-            self._passed += 1
-            if self._passed * period > self.patience and self.status.state != "over":
-                self._coast("the clock stands still, or was set back: start again")
+        if wrong := self._clock.wrong(time):
+            self._count(wrong.kind, wrong.message)
+            if self._clock.stands and self.status.state != "over":
+                self._coast("the clock stands still, was set back, or jumps: start again")
                 self._steer(False)
             return self._torque.copy()
-        self._seen, self._passed = time, 0
         due = self._due(time)
         if speed is not None and (time - self._time) / period < world.decisions * world.samples + 1:
             self._tasks["decision"] = min(self._decided + max(due, 1) - 1, world.decisions)
@@ -207,14 +205,17 @@ class Pilot:
             reading["gyro"], self._heard = rate, time
         dt = time - self._time
         steps = max(1, round(dt / period))
-        if abs(dt - steps * period) < _SAME * period:
+        if abs(dt - steps * period) < SAME * period:
             dt = steps * period
         if steps > 1:
             kernels.cross_gap(self._beliefs, self._tasks, dt)
         self._beliefs["substeps"] = self._substeps * steps
+        rejected = int(self._beliefs["rejected"][0])
         self._nis = float(kernels.take(self._readings, self._beliefs, self._tasks, self._work, dt, self._observation))
         self._beliefs["substeps"] = self._substeps
         self._time = time
+        for _ in range(int(self._beliefs["rejected"][0]) - rejected):
+            self._count("rejected", "a reading that the filter's gate rejects")
 
     def _look_after(self, time: float) -> None:
         """End the flight at the horizon, and coast where the filter is blind or lost."""

@@ -213,8 +213,11 @@ static void update(satid_pilot *pilot, double time, const double *gyro, const do
         satid_core_cross_gap(&pilot->belief, &pilot->task, dt);
     }
     pilot->belief.substeps = SATID_SUBSTEPS * steps;
+    pilot->belief.rejected = 0;
     pilot->status.nis = satid_core_take(&pilot->readings, &pilot->belief, &pilot->task, &pilot->work, dt, pilot->observation);
     pilot->belief.substeps = SATID_SUBSTEPS;
+    pilot->status.rejected += (uint32_t)pilot->belief.rejected;
+    pilot->status.flags |= pilot->belief.rejected > 0 ? SATID_REJECTED : 0;
     pilot->time = time;
     monitor(pilot);
 }
@@ -231,6 +234,27 @@ static void look_after(satid_pilot *pilot, double time)
     } else if (time - pilot->heard > SATID_PATIENCE) {
         coast(pilot, SATID_BLIND);
     }
+}
+
+/* Whether the readings of a stamp are left out: it has passed, or is so far ahead that the next has to confirm it. */
+static bool is_wrong(satid_pilot *pilot, double time)
+{
+    const double since = time - pilot->seen, slack = SAME * SATID_SAMPLE_PERIOD, further = time - pilot->ahead;
+    satid_status *status = &pilot->status;
+    if (!isfinite(time) || since < -slack) {
+        status->late++;
+        status->flags |= SATID_LATE;
+    } else if (since < slack) {
+        status->repeated++;
+        status->flags |= SATID_REPEATED;
+    } else if (since > SATID_PATIENCE && !(further >= slack && further <= SATID_PATIENCE)) {
+        status->ahead++;
+        status->flags |= SATID_AHEAD;
+        pilot->ahead = time;
+    } else {
+        return false;
+    }
+    return true;
 }
 
 void satid_start(satid_pilot *pilot, double time, const double gyro[3], const double wheel_speed[SATID_WHEELS],
@@ -261,6 +285,7 @@ void satid_start(satid_pilot *pilot, double time, const double gyro[3], const do
         }
     }
     pilot->begun = pilot->time = pilot->seen = pilot->heard = pilot->steered = time;
+    pilot->ahead = -INFINITY;
     memcpy(pilot->readings.gyro, gyro, sizeof pilot->readings.gyro);
     memcpy(pilot->readings.tachometer, wheel_speed, sizeof pilot->readings.tachometer);
     pilot->status.state = SATID_FLYING;
@@ -295,11 +320,7 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
     count(status, of_gyro, SATID_NO_GYRO, SATID_GYRO_REFUSED);
     count(status, of_wheels, SATID_NO_WHEELS, SATID_WHEELS_REFUSED);
     take_attitude(pilot);
-    if (!isfinite(time) || time < pilot->seen + SAME * SATID_SAMPLE_PERIOD) {
-        const bool repeated = fabs(time - pilot->seen) <= SAME * SATID_SAMPLE_PERIOD;
-        status->late += repeated ? 0 : 1;
-        status->repeated += repeated ? 1 : 0;
-        status->flags |= repeated ? SATID_REPEATED : SATID_LATE;
+    if (is_wrong(pilot, time)) {
         pilot->passed++;
         if (pilot->passed * SATID_SAMPLE_PERIOD > SATID_PATIENCE && status->state != SATID_OVER) {
             coast(pilot, SATID_STALE);
@@ -309,6 +330,7 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
         return;
     }
     pilot->seen = time;
+    pilot->ahead = -INFINITY;
     pilot->passed = 0;
     due = due_at(pilot, time);
     if (of_wheels == GOOD && (time - pilot->time) / SATID_SAMPLE_PERIOD < (double)STEPS_MAX) {

@@ -26,15 +26,17 @@ enum {
     SATID_LOST = 256,          /* the filter broke down: start again */
     SATID_NO_ACTION = 512,     /* the policy gave no number */
     SATID_NO_TORQUE = 1024,    /* the rate loop gave no number */
-    SATID_STALE = 2048,        /* stamps have been repeated or late for longer than SATID_PATIENCE: start again */
+    SATID_STALE = 2048,        /* stamps have been wrong for longer than SATID_PATIENCE: start again */
     SATID_UNMODELLED = 4096,   /* the innovations are not those of a consistent filter */
-    SATID_ATTITUDE_REFUSED = 8192 /* not finite, or no quaternion of length 1 */
+    SATID_ATTITUDE_REFUSED = 8192, /* not finite, or no quaternion of length 1 */
+    SATID_AHEAD = 16384,       /* a stamp further ahead than SATID_PATIENCE, ignored until the next confirms it */
+    SATID_REJECTED = 32768     /* a reading that the filter's gate rejects */
 };
 
 typedef struct {
     satid_state state;
     uint32_t flags;
-    uint32_t missing, refused, repeated, late; /* readings */
+    uint32_t missing, refused, rejected, repeated, late, ahead; /* readings */
     uint32_t missed;                           /* decisions that passed altogether */
     double nis;         /* normalised innovation squared of the last update, per degree of freedom; 0 without one */
     double nis_mean;    /* its running mean: 1 of a consistent filter */
@@ -47,8 +49,9 @@ typedef struct {
     satid_status status;
     double torque[SATID_WHEELS]; /* commanded, N m */
     double begun, time, seen, heard, steered; /* s: start; last update, stamp, gyro reading, and torque of the rate loop */
+    double ahead;    /* s: stamp that the next has to confirm; -INFINITY: none */
     int32_t decided; /* decisions */
-    uint32_t passed; /* stamps in a row that were repeated or late */
+    uint32_t passed; /* stamps in a row that were wrong */
 #if SATID_TRACKER
     int32_t seen_attitude; /* 1: one was given for the readings to come */
     double sun[3];
