@@ -61,6 +61,12 @@ ROWS: Mapping[str, Row] = {
     "gyro scale 1 %": Row(world=WORLDS["gyro scale 1 %"]),
     "all small errors": Row(world=WORLDS["all small errors"]),
     "star tracker, gyro bias 1e-4 rad/s": Row(world=WORLDS["tracker, bias 1e-4 rad/s"]),
+    "star tracker, panels 10 %, 0.35 Hz, gyro bias 1e-4 rad/s": Row(
+        world=WORLDS["tracker, panels 10 %, 0.35 Hz, bias 1e-4 rad/s"]
+    ),
+    "star tracker, integrating gyro, gyro bias 1e-4 rad/s": Row(
+        world=WORLDS["tracker, integrating gyro, bias 1e-4 rad/s"]
+    ),
 }
 """What is flown, by name."""
 
