@@ -64,9 +64,6 @@ ROWS: Mapping[str, Row] = {
     "star tracker, panels 10 %, 0.35 Hz, gyro bias 1e-4 rad/s": Row(
         world=WORLDS["tracker, panels 10 %, 0.35 Hz, bias 1e-4 rad/s"]
     ),
-    "star tracker, integrating gyro, gyro bias 1e-4 rad/s": Row(
-        world=WORLDS["tracker, integrating gyro, bias 1e-4 rad/s"]
-    ),
 }
 """What is flown, by name."""
 

@@ -92,6 +92,7 @@ def _widen(belief, torque_max, gap):
         return
     if belief.attitude.on != 0:
         attitude.forget(belief)
+        attitude.drop_waiting(belief.attitude)
     J_inv, turn = inverse(estimated_inertia(belief)), (0.0, 0.0, 0.0)
     for k in range(torque_max.shape[0]):
         x, y, z = multiply(J_inv, wheel_axis(belief.axes, k))

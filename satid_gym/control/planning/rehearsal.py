@@ -28,11 +28,11 @@ from satid_gym.core.algebra import (
     store,
     subtract,
 )
-from satid_gym.core.belief import calibration, filters, modes
+from satid_gym.core.belief import calibration, filters, modes, star_reading
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.rotation import load_quaternion, to_inertial
+from satid_gym.core.rotation import load_quaternion, store_quaternion, to_inertial
 from satid_gym.core.sky import is_blind, is_off_target
 from satid_gym.core.wheels import along_axis, sum_wheels
 
@@ -183,7 +183,7 @@ def _rehearse_stars(belief, task, tracker, omega, time, scratch):
         return
     tracker.waited = (tracker.waited + 1) % tracker.every
     if tracker.waited == 0:
-        scratch.attitude[:] = belief.attitude.quaternion
+        store_quaternion(scratch.attitude, star_reading.present(belief))
         filters.condition_attitude(belief, scratch.work[0], scratch.attitude)
 
 

@@ -35,8 +35,8 @@ _KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins again: 
 
 
 @functools.cache
-def attitude_dtype() -> np.dtype:
-    """Attitude: what is known of the star tracker, and the estimate."""
+def attitude_dtype(lines: int) -> np.dtype:
+    """Attitude: what is known of the star tracker, and the estimate. `lines`: room for readings that are aligned."""
     return np.dtype(
         [
             ("on", INT),  # 0: there is no tracker
@@ -52,6 +52,9 @@ def attitude_dtype() -> np.dtype:
             ("noisy", INT),  # 0: the tracker is said to have no noise
             ("rejections", INT),  # by the gate, in a row
             ("last", FLOAT, 4),  # reading
+            ("wait", INT),  # samples that a reading waits for the state, see `star_reading`
+            ("line", FLOAT, (2 * lines, 4)),  # readings that wait, the latest first
+            ("waits", INT, 2 * lines),  # 1: there is one
         ],
         align=True,
     )
@@ -63,7 +66,15 @@ def start(belief):
     state = belief.attitude
     state.known, state.age, state.rejections = 0, 0.0, 0
     store_quaternion(state.last, (0.0, 0.0, 0.0, 0.0))
+    drop_waiting(state)
     store_quaternion(state.quaternion, (0.0, 0.0, 0.0, 1.0))
+
+
+@inline
+def drop_waiting(state):
+    """Forget the readings that wait."""
+    for k in range(state.waits.shape[0]):
+        state.waits[k] = 0
 
 
 @inline

@@ -16,6 +16,7 @@ from satid_gym.core.belief import (
     momentum_start,
     momentum_update,
     rate_filter,
+    star_reading,
     whiteness,
 )
 from satid_gym.core.jit import inline
@@ -77,9 +78,11 @@ def condition_wheels(belief, work, tachometer):
 def condition_attitude(belief, work, reading):
     """Update the belief with a reading (4,) of the star tracker; normalised innovation squared per degree of freedom.
 
-    0 where nothing was compared.
+    0 where nothing was compared, or will be later: beside readings that are late or averaged.
     """
-    return momentum_update.update_attitude(belief, work, reading) / 3.0 if belief.attitude.on != 0 else 0.0
+    if belief.attitude.on == 0 or star_reading.await_state(belief, reading):
+        return 0.0
+    return momentum_update.update_attitude(belief, work, reading) / 3.0
 
 
 @inline

@@ -35,6 +35,7 @@ from satid_gym.core.belief import (
     momentum_model,
     momentum_update,
     rate_noise,
+    star_reading,
     unmeasured,
 )
 from satid_gym.core.belief.kalman import estimated_inertia, propagate
@@ -46,6 +47,8 @@ from satid_gym.core.jit import inline, outline
 def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
+    if star_reading.has_come(belief):
+        momentum_update.update_attitude(belief, work, belief.attitude.line[belief.attitude.wait])
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     if belief.coasting != 0 and belief.attitude.on != 0:
         momentum_model.follow_own_rate(belief, J_inv)
@@ -100,6 +103,7 @@ def predict(belief, work, tachometer, dt):
     if belief.attitude.on != 0:
         belief.attitude.age += dt
         belief.attitude.span = dt
+        star_reading.wait_on(belief)
     if gated:
         unmeasured.inflate_momentum(belief, J_inv, dt)
         gating.doubt_inertia(belief, dt)

@@ -63,7 +63,7 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lin
             ("modes", modes_dtype(modes)),
             ("calibration", calibration_dtype(n, errors)),
             ("alignment", alignment_dtype(n, lines)),
-            ("attitude", attitude_dtype()),
+            ("attitude", attitude_dtype(lines)),
             ("whiteness", whiteness_dtype()),
         ],
         align=True,

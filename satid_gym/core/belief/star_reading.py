@@ -2,16 +2,19 @@
 
 Where readings of gyro and wheels are aligned in time (`alignment`) the state, and q with it, is a weighted mean of what
 is true at the ends of the sample periods, i periods ago with weight c_i: those of the gyro's reading, convolved with
-those of the tachometers'. Until now the body has turned from there by
+those of the tachometers'. So a reading waits for m samples, which is about the state's age, n = sum_i c_i i, and is
+compared then. From the state to the end m periods ago the body turns by
 
-    phi = n omega dt + (n^2 - sum_i c_i i^2 / 2) dt^2 J^-1 (M x omega + tau + F) - J^-1 sum_k v_k dt (A u_k dt)
-    n = sum_i c_i i,   v_k = sum_(i > k) c_i (n - i + k + 1/2)
+    phi = (n - m) omega dt + J^-1 sum_k v_k p_k dt
+        + ((n - m)^2 - sum_i c_i (i - m)^2 / 2) dt^2 J^-1 (M x omega + tau + F)
+    v_k = sum_(i > k) c_i (i - k - 1/2 - n + m) for k >= m,  sum_(i <= k) c_i (k - i + 1/2 + n - m) for k < m
 
-with F the torque of the modes' springs and dampers, and u_k the motors' command in the sample that ended k periods ago.
-So, with r the rate at which derivatives are taken and d the tachometers' delay, of which n is a part,
+with F the torque of the modes' springs and dampers, and p_k = A u_k dt what the motors were commanded to in the sample
+that ended k periods ago. That they are noisy matters little, as v_k is small; at once (m = 0) it would be more than a
+good tracker's noise. With r the rate at which derivatives are taken and d the tachometers' delay, of which n is a part,
 
     q_read (q exp(phi))^-1 = exp(psi + R dphi + noise)
-    dphi = n dt J^-1 (dM - L(r) dtheta - sum_k Omega_k de_k) + r dt dd
+    dphi = (n - m) dt J^-1 (dM - L(r) dtheta - sum_k Omega_k de_k) + r dt dd
 
 Errors of an encoder add up to an error of the angle that is no larger than that of a count: it is taken as noise of the
 reading. Source: this project's design.
@@ -48,8 +51,8 @@ def _free_inertia(belief):
 
 
 @outline
-def _turned(belief, J_inv):
-    """phi (3,), and the state's age, s."""
+def _turned(belief, J_inv, m):
+    """phi (3,) from the state to the end m periods ago, and n - m in seconds."""
     a, period = belief.alignment, belief.attitude.period
     ends = a.end_weight.shape[0]
     for i in range(ends):
@@ -57,20 +60,24 @@ def _turned(belief, J_inv):
     for i in range(LINE):
         for j in range(LINE):
             a.end_weight[i + j] += a.gyro_end_weight[i] * a.gyro_weight[j]
-    age = square = 0.0
+    late, square = 0.0, 0.0
     for i in range(ends):
-        age += a.end_weight[i] * i
-        square += a.end_weight[i] * i * i
-    swept, older, moment = (0.0, 0.0, 0.0), 0.0, 0.0
-    for k in range(ends - 1, -1, -1):  # of the ends before the command k: their weight, and that times the time to it
-        swept = axpy(age * older - moment - 0.5 * older, load(a.push_line[k]), swept)
-        moment += older
-        older += a.end_weight[k]
+        late += a.end_weight[i] * (i - m)
+        square += a.end_weight[i] * (i - m) ** 2
+    swept = (0.0, 0.0, 0.0)
+    for k in range(ends):
+        v = 0.0
+        for i in range(ends):
+            if k >= m and i > k:
+                v += a.end_weight[i] * (i - k - 0.5 - late)
+            elif k < m and i <= k:
+                v += a.end_weight[i] * (k - i + 0.5 + late)
+        swept = axpy(v * period, load(a.push_line[k]), swept)
     momentum, tau = load(belief.mean), load(belief.mean[3 + belief.prior_theta.shape[0] :])
     omega = multiply(J_inv, momentum_model.body_momentum(belief))
     push = add(add(cross(momentum, omega), tau), modes.spring_torque(belief, omega))
-    change = axpy((age * age - 0.5 * square) * period * period, push, axpy(-period, swept, (0.0, 0.0, 0.0)))
-    return axpy(age * period, omega, multiply(J_inv, change)), age * period
+    change = axpy((late * late - 0.5 * square) * period * period, push, swept)
+    return axpy(late * period, omega, multiply(J_inv, change)), late * period
 
 
 @inline
@@ -79,7 +86,38 @@ def present(belief):
     q = load_quaternion(belief.attitude.quaternion)
     if belief.alignment.on == 0:
         return q
-    return product(q, turn(_turned(belief, _free_inertia(belief))[0]))
+    return product(q, turn(_turned(belief, _free_inertia(belief), 0)[0]))
+
+
+@inline
+def await_state(belief, reading):
+    """Whether a reading (4,) that comes now is to wait, and let it."""
+    state = belief.attitude
+    if state.wait == 0:
+        return False
+    state.waits[0] = 1
+    for i in range(4):
+        state.line[0, i] = reading[i]
+    return True
+
+
+@inline
+def has_come(belief):
+    """Whether the reading that has waited for long enough is there: `attitude.line[attitude.wait]`."""
+    state = belief.attitude
+    return state.on != 0 and state.wait > 0 and state.waits[state.wait] != 0
+
+
+@outline
+def wait_on(belief):
+    """Let a sample pass for the readings that wait."""
+    state = belief.attitude
+    for k in range(state.wait, 0, -1):
+        state.waits[k] = state.waits[k - 1]
+        for i in range(4):
+            state.line[k, i] = state.line[k - 1, i]
+    if state.wait > 0:
+        state.waits[0] = 0
 
 
 @inline
@@ -97,7 +135,7 @@ def _write_rows(belief, work, J_inv, phi, s, rows):
     q = load_quaternion(state.quaternion)
     own = multiply(J_inv, momentum_model.body_momentum(belief))
     rate = own
-    if s > 0.0:
+    if s != 0.0:
         rate = axpy(1.0 / s, phi, subtract(load(belief.reference_rate), own))
     momentum_model.write_rate_rows(belief, work, J_inv, rate, rows)
     for k in range(c.spin_count):
@@ -143,7 +181,7 @@ def begin(belief, work, reading):
 def _turn_back(belief, work):
     """Take the attitude, as it was read, to the instant that the state stands for: psi is less R dphi then."""
     state, rows, J_inv = belief.attitude, work.attitude, _free_inertia(belief)
-    phi, s = _turned(belief, J_inv)
+    phi, s = _turned(belief, J_inv, state.wait)
     store_quaternion(state.quaternion, product(load_quaternion(state.quaternion), turn((-phi[0], -phi[1], -phi[2]))))
     if belief.alignment.noise_taps > 0:
         _add(belief, _angle_noise(belief, J_inv))
@@ -177,7 +215,7 @@ def linearise(belief, work, reading):
             rows[i, j] = 0.0
     if belief.alignment.on != 0:
         J_inv = _free_inertia(belief)
-        phi, s = _turned(belief, J_inv)
+        phi, s = _turned(belief, J_inv, state.wait)
         q = product(q, turn(phi))
         _write_rows(belief, work, J_inv, phi, s, rows)
         if belief.alignment.noise_taps > 0:
