@@ -1,7 +1,7 @@
 """Command `satid`: subcommands, exit codes, and one line on standard error instead of a traceback.
 
-Exit codes: 0 done; 1 the data do not tell or contradict the satellite, or what is asked cannot be; 2 arguments or
-files; 130 Ctrl-C.
+Exit codes: 0 done; 1 the data do not tell or contradict the satellite, its data sheet is doubtful, or what is asked
+cannot be; 2 arguments or files; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from satid_gym import __version__
-from satid_gym.commands import design, export, fly, identify, lead
+from satid_gym.commands import check, design, export, fly, identify, lead
 from satid_gym.identification import NotIdentifiedError, SlipError
 from satid_gym.manoeuvres import NotPossibleError
 
@@ -30,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"satid-gym {__version__}")
     parts = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (design, fly, identify, export):
+    for module in (check, design, fly, identify, export):
         module.add(parts)
     lead.add(parts)
     return top

@@ -1,0 +1,69 @@
+"""Subcommand `satid check`: a data sheet looked over before it is believed."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from satid_gym.commands.words import HelpFormatter
+from satid_gym.data_sheet import derived, doubts, left_out
+from satid_gym.resolution import resolve_satellites
+from satid_gym.satellite import Satellite
+
+_EXAMPLES = """examples:
+  satid check sat.toml
+  satid check microsat
+"""
+
+
+def add(parts: Any) -> None:
+    """Add the subcommand."""
+    own = parts.add_parser(
+        "check",
+        help="look over a data sheet: what follows from it, what it leaves out, and doubts",
+        description="Print what follows from a data sheet, which values are defaults or taken as nominal, and what is "
+        "hard to believe, such as a value in another unit. The exit code is 1 if there are doubts.",
+        epilog=_EXAMPLES,
+        formatter_class=HelpFormatter,
+    )
+    own.add_argument("satellite", help="name or file")
+    own.set_defaults(run=run)
+
+
+def run(given: argparse.Namespace) -> int:
+    """Print it; 1 if there are doubts, else 0.
+
+    Raises:
+        ValueError: the data sheet is not valid.
+    """
+    satellites = resolve_satellites(given.satellite)
+    for satellite in satellites:
+        _show(satellite)
+    return int(any(map(doubts, satellites)))
+
+
+def _show(satellite: Satellite) -> None:
+    own, wheels = derived(satellite), satellite.wheels
+    print(f"{satellite.name}: {wheels.count} wheels, rate limit {satellite.rate_limit:g} rad/s\n")
+    rows = {
+        "moment, kg m^2": own.moment,
+        "torque of all wheels, N m": own.torque,
+        "from rest to the rate limit, s": own.to_limit,
+        "rate by wheels at their speed limit, rad/s": own.reached,
+        "moment over a uniform box's": own.box,
+    }
+    print(f"{'about':44s}" + "".join(f"{axis:>12s}" for axis in "xyz"))
+    for name, values in rows.items():
+        if values is not None:
+            print(f"{name:44s}" + "".join(f"{value:12.4g}" for value in values))
+    print(f"{'wheel to its speed limit, s':44s}" + "".join(f"{value:12.4g}" for value in np.unique(own.spin_up)))
+    _list("not in the data sheet, or as the default", left_out(satellite), "nothing: everything is given")
+    _list("doubts", doubts(satellite), "none")
+
+
+def _list(title: str, lines: list[str], without: str) -> None:
+    print(f"\n{title}: {'' if lines else without}".rstrip())
+    for line in lines:
+        print(f"  - {line}")
