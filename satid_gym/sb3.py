@@ -161,13 +161,14 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
 
     Attributes:
         seconds: time spent in the environments and the rate loop so far.
+        margin, spares_modes: as given.
     """
 
     def __init__(
         self, num_envs: int, *, margin: float | None = 2.6, spares_modes: bool = False, **settings: Any
     ) -> None:
         super().__init__(num_envs, **settings)
-        self.seconds = 0.0
+        self.margin, self.spares_modes, self.seconds = margin, spares_modes, 0.0
         flown = missions(self.vector_env.problem)
         self._loop = None if margin is None else (ModeLimit if spares_modes else rate_loop)(flown, margin)
         self._observations = np.empty((num_envs, 0), np.float32)  # until reset

@@ -1,17 +1,27 @@
 """The adapter gives Stable-Baselines3 what the vector environment gives, as Stable-Baselines3 wants it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from stable_baselines3 import PPO
+from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
+from torch.nn import ReLU, Sigmoid
 
 from satid_gym import SatInertiaIDVectorEnv
+from satid_gym.evaluation import fly, seeds
 from satid_gym.gym_api import COSTS
+from satid_gym.policies import find
+from satid_gym.policies.from_sb3 import learned_policy
+from satid_gym.policy import missions
 from satid_gym.sb3 import RateCommandVecEnv, SatInertiaIDVecEnv
+from tests.cases import cases
 
 HORIZON = 7
+RELU = {"activation_fn": ReLU}
 
 
 @pytest.fixture
@@ -176,3 +186,58 @@ def test_ppo_learns_through_it():
     model = PPO("MlpPolicy", SatInertiaIDVecEnv(8), n_steps=16, batch_size=64, n_epochs=1, device="cpu")
     model.learn(256)
     assert model.num_timesteps == 256
+
+
+def trained(algorithm, env, **settings):
+    return algorithm("MlpPolicy", env, device="cpu", seed=0, **settings).learn(100)
+
+
+@cases(
+    ("algorithm", "adapter", "settings"),
+    [
+        (PPO, partial(RateCommandVecEnv, margin=3.0, include_covariance=True), {"n_steps": 25}),
+        (
+            PPO,
+            partial(SatInertiaIDVecEnv, observation="body"),
+            {"n_steps": 25, "policy_kwargs": {"activation_fn": ReLU}},
+        ),
+        (A2C, partial(SatInertiaIDVecEnv, control="rate", observation="body"), {}),
+        (SAC, RateCommandVecEnv, {"learning_starts": 20}),
+    ],
+)
+def test_a_model_is_a_policy_that_flies_as_it_was_trained(algorithm, adapter, settings, tmp_path):
+    env = adapter(4, satellite="microsat", inertia="static")
+    model = trained(algorithm, env, **settings)
+    policy = learned_policy(model, "mine")
+    policy.save(tmp_path / "mine")
+    policy = find(str(tmp_path / "mine"))
+    problem = env.vector_env.problem
+    assert policy.observation == problem.observation
+    assert policy.include_covariance == problem.include_covariance
+    assert (policy.margin, policy.spares_modes) == (getattr(env, "margin", 0.0), getattr(env, "spares_modes", False))
+    env.seed(7)
+    observation = env.reset()
+    policy.reset(missions(problem)[0], range(4))
+    for _ in range(5):
+        action, _ = model.predict(observation, deterministic=True)
+        env.step_async(action)
+        np.testing.assert_allclose(env._actions, np.clip(policy(observation), -1.0, 1.0), atol=2e-5)
+        observation, *_ = env.step_wait()
+    control = "rate" if problem.control == "rate" else "torque"
+    scores = fly(policy, satellite="microsat", inertia="static", seeds=seeds("validation", 2), control=control).scores()
+    assert np.isfinite(scores["final_error"]).all()
+
+
+def test_a_model_that_is_no_policy_is_refused(tmp_path):
+    env, untold = SatInertiaIDVecEnv(2, satellite="microsat"), tmp_path / "model.zip"
+    trained(PPO, env, n_steps=50).save(untold)
+    for make, message in [
+        (lambda: trained(PPO, VecNormalize(env), n_steps=50), "VecNormalize changes observations"),
+        (lambda: trained(PPO, VecFrameStack(env, 2), n_steps=50), "VecFrameStack changes observations"),
+        (lambda: trained(TD3, env, learning_starts=20), "made of PPO, A2C or SAC, not of TD3"),
+        (lambda: trained(PPO, env, n_steps=50, policy_kwargs={"activation_fn": Sigmoid}), "one of tanh, relu|Sigmoid"),
+        (lambda: trained(PPO, "Pendulum-v1", n_steps=50), "environment of the model is DummyVecEnv"),
+        (lambda: PPO.load(untold), "environment of the model is missing"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            learned_policy(make())

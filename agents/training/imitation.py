@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from agents.dataset.storage import check_commands, commands
 from agents.training.clocks import set_clocks
-from agents.training.run import Run, RunOptions, network_of
+from agents.training.run import Run, RunOptions
 from agents.training.settings import RESTART
 from agents.training.teacher import Answers, TeacherSettings, answers, fly_round, save_round
 from baselines.command import cli
@@ -110,7 +110,7 @@ def fit(said: Sequence[Answers], settings: ImitationSettings, epochs: int) -> Ne
             torch.nn.functional.binary_cross_entropy_with_logits(model(x[rows]), y[rows], weight[rows]).backward()
             adam.step()
             decay.step()
-    network = network_of(model)
+    network = Network.of_layers(model)
     return Network(
         (*network.weights[:-1], _GAIN * network.weights[-1]), (*network.biases[:-1], _GAIN * network.biases[-1])
     )

@@ -10,12 +10,13 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.training.clocks import set_clocks
-from agents.training.run import Run, network_of
+from agents.training.run import Run
 from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.sb3.switches import FIRST_LOGIT, with_reversals, with_switches
 from agents.training.settings import RLSettings, policy_of
 from satid_gym.config import check_integer, check_number
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,7 +69,7 @@ class ExcitationPPO(AfterUpdate, PPO):
 
 def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
-    network, s = network_of([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
+    network, s = Network.of_layers([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
     if s.reversals:
         network = with_reversals(network, model.get_env().vector_env.problem.layout["command"])
     elif s.switches:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,21 +21,12 @@ from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import PART, write_json, write_text
 from satid_gym.metrics import BEYOND_MAX
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
 
 SCORES = ("reward", "final_error", "mean_error", "outside_fraction", "saturated_fraction", "nees", "cost")
 SHOWN = ("final_error", "mean_error", "outside_fraction", "cost")  # of them, by commands
 _EACH_INSIDE_MAX = 6  # satellites of which each is to stay within its limits
 _BEYOND_SHARE_MAX = 0.05  # of more satellites
 _ROWS_SHOWN = 6  # scores of more satellites are shown as their mean
-
-
-def network_of(layers: Iterable[torch.nn.Module], activation: str = "tanh", squashed: bool = False) -> Network:
-    """The linear ones of torch's layers, in order; the other arguments are attributes of `Network`."""
-    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
-    weights = tuple(layer.weight.detach().numpy().copy() for layer in linear)
-    biases = tuple(layer.bias.detach().numpy().copy() for layer in linear)
-    return Network(weights, biases, activation, squashed)
 
 
 def validate(policy: LearnedPolicy, settings: Task, episodes: int) -> list[dict[str, Any]]:

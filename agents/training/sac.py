@@ -8,11 +8,12 @@ from typing import ClassVar
 
 from stable_baselines3 import SAC
 
-from agents.training.run import Run, network_of
+from agents.training.run import Run
 from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.settings import RLSettings, policy_of
 from satid_gym.config import check_integer, check_number
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,7 +63,7 @@ class ExcitationSAC(AfterUpdate, SAC):
 
 def learned_policy(model: SAC, settings: SACSettings) -> LearnedPolicy:
     """The model's mean action, squashed by tanh, as a policy."""
-    network = network_of([*model.actor.latent_pi, model.actor.mu], activation="relu", squashed=True)
+    network = Network.of_layers([*model.actor.latent_pi, model.actor.mu], activation="relu", squashed=True)
     return policy_of(network, settings)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,6 +75,14 @@ class Network:
             x = _ACTIVATIONS[self.activation](x @ weight.T + bias)
         output = x @ self.weights[-1].T + self.biases[-1]
         return np.tanh(output) if self.squashed else output
+
+    @classmethod
+    def of_layers(cls, layers: Iterable[Any], activation: str = "tanh", squashed: bool = False) -> Network:
+        """Network of the linear ones of torch's layers, in order; the other arguments are attributes."""
+        linear = [layer for layer in layers if hasattr(layer, "in_features")]
+        weights = tuple(layer.weight.detach().cpu().numpy().copy() for layer in linear)
+        biases = tuple(layer.bias.detach().cpu().numpy().copy() for layer in linear)
+        return cls(weights, biases, activation, squashed)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Tensors of the layers by name."""
