@@ -13,6 +13,7 @@ from dataclasses import MISSING, dataclass, fields
 import numpy as np
 
 from satid_gym.satellite import Satellite
+from satid_gym.tolerances import Tolerances
 
 _UNITS = {
     "mass": "kg",
@@ -28,7 +29,7 @@ _SPIN_UP = (0.5, 10_000.0)  # s, of a wheel to its speed limit
 _SPEED = 2000.0  # rad/s, 19 000 rpm
 _ROTOR = (1e-7, 0.3)  # rotor inertia over the smallest moment
 _RATE = 1.0  # rad/s
-_NOISE = 0.1  # of the gyro over the rate limit
+_NOISE = 0.05  # of the gyro over the rate limit
 _BIAS = 0.1  # likewise
 _DISTURBANCE = 0.1  # over the torque of the wheels
 
@@ -74,11 +75,15 @@ def derived(satellite: Satellite) -> Derived:
 def left_out(satellite: Satellite) -> list[str]:
     """What the data sheet does not say, or says as the default has it, and what is assumed, one line each."""
     defaults = {field.name: field.default for field in fields(Satellite) if field.default is not MISSING}
-    same = [name for name in _UNITS if _is(getattr(satellite, name), defaults[name])]
+    void = {"tachometer_noise_std"} if satellite.sensors.counts else set()
+    same = [name for name in _UNITS if _is(getattr(satellite, name), defaults[name]) and name not in void]
     lines = [f"{name}: {_shown(satellite, name)}" for name in same]
-    if not any(satellite.tolerances.kinds):
-        lines.append("tolerances: gyro and wheels are taken as exactly nominal")
-    sensors = satellite.sensors
+    sensors, tolerances = satellite.sensors, satellite.tolerances
+    exact = [field.name for field in fields(Tolerances) if getattr(tolerances, field.name) == 0.0]
+    if sensors.tachometer_delay == 0.0:
+        exact.remove("tachometer_delay")
+    if exact:
+        lines.append(f"tolerances: taken as exactly nominal: {', '.join(exact)}")
     if not sensors.are_timed:
         lines.append("sensors: readings are taken as of the instant at which they are given")
     if sensors.star_tracker is None:
@@ -127,8 +132,8 @@ def doubts(satellite: Satellite) -> list[str]:
         found.append(f"the rate limit is {limit:.3g} rad/s: is it in deg/s?")
     if satellite.gyro_noise_std > _NOISE * limit:
         found.append(
-            f"the gyro's noise of a sample, {satellite.gyro_noise_std:g} rad/s, is more than a tenth of the rate "
-            "limit: is it in deg/s?"
+            f"the gyro's noise of a sample, {satellite.gyro_noise_std:g} rad/s, is more than a twentieth of "
+            "the rate limit: is it in deg/s?"
         )
     if satellite.tolerances.gyro_bias > _BIAS * limit:
         found.append(
@@ -140,8 +145,9 @@ def doubts(satellite: Satellite) -> list[str]:
             f"the disturbance, {satellite.disturbance_std:g} N m, is more than a tenth of the wheels' torque: is it in "
             "N m?"
         )
-    for name in ("gyro_noise_std", "tachometer_noise_std"):
-        if getattr(satellite, name) == 0.0:
+    sensors = satellite.sensors
+    for name, other in (("gyro_noise_std", sensors.gyro_quantum > 0.0), ("tachometer_noise_std", sensors.counts)):
+        if getattr(satellite, name) == 0.0 and not other:
             found.append(f"{name} is 0: no sensor is free of noise, and the filter believes that this one is")
     return found
 

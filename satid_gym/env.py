@@ -120,8 +120,8 @@ the axis of d oscillates up to 1, a reversal up to 2 |
     |---|---|---|
     | attitude_uncertainty | 3 | log10(filter's std of the attitude error about each body axis, rad) + 2; 2 where \
 the attitude is not known |
-    | attitude_age | 1 | time since the tracker's last reading / decision period, or since the start before the first; \
-at most 10 |
+    | attitude_age | 1 | time since the tracker's last reading that was used / decision period, or since the start \
+before the first; at most 10 |
     | sun | 3 | direction of the Sun in the body frame, by the ephemeris and the estimated attitude; 0 where the \
 attitude is not known. Only if the Sun blinds the tracker, or the scenario has operations |
     | earth | 3 | likewise for the Earth's centre; only if the Earth blinds the tracker |

@@ -145,11 +145,19 @@ class Flown:
         (folder / "test.c").write_text(
             '#include "satid_pilot.h"\nunsigned state_size(void);\nvoid spoil(satid_pilot *pilot);\n'
             "unsigned state_size(void) { return sizeof(satid_pilot); }\n"
+            "const float *observed(const satid_pilot *pilot);\n"
+            "const float *observed(const satid_pilot *pilot) { return pilot->observation[0]; }\n"
             "void spoil(satid_pilot *pilot) { pilot->belief.mean[3] = NAN; }\n"
         )
         library = ctypes.CDLL(str(compiled(folder, "-shared", "-fPIC").rename(folder / "pilot.so")))
+        library.observed.restype = ctypes.POINTER(ctypes.c_float)
+        self.size = max(place.stop for place in pilot.problem.layout.values())
         self.library, self.state = library, ctypes.create_string_buffer(library.state_size())
         self.limit = pilot.mission.satellite.wheels.max_torque
+
+    @property
+    def observation(self):
+        return np.array(self.library.observed(self.state)[: self.size])
 
     @property
     def status(self):
@@ -181,7 +189,7 @@ def test_attitudes_are_taken_once_and_refused_as_pilot_does(pyramid, tmp_path):
     rows = [row for row in flight(pilot, 30) if not any(np.isnan(reading).any() for reading in row[1:3])]
     sun = [0.36, 0.48, -0.8]
     flown = Flown(tmp_path, pilot)
-    flown.sun(sun)
+    flown.sun(3.0 * np.array(sun))
     flown.see(rows[0][3])
     np.testing.assert_allclose(flown.start(*rows[0][:3]), pilot.start(*rows[0], sun=sun), rtol=0.0, atol=1e-9)
     refused = taken = 0
@@ -195,7 +203,9 @@ def test_attitudes_are_taken_once_and_refused_as_pilot_does(pyramid, tmp_path):
         torque = flown.step(time, gyro, speed)
         np.testing.assert_allclose(torque, pilot.step(time, gyro, speed, attitude), rtol=0.0, atol=1e-9)
         assert bool(flown.status.flags & 8192) == (k % 7 == 0)
+        np.testing.assert_allclose(flown.observation, pilot._observation[0], rtol=1e-5, atol=1e-5)
         assert flown.status.nis == pytest.approx(pilot.estimate.nis, rel=1e-6)
+    assert np.linalg.norm(flown.observation[pilot.problem.layout["sun"]]) == pytest.approx(1.0, abs=1e-5)
     assert flown.status.refused == pilot.status.counts["refused"] == refused
     assert taken > 30
     assert pilot.estimate.state_covariance[9, 9] < 1e-8

@@ -173,7 +173,7 @@ def test_a_single_stamp_from_far_ahead_changes_nothing():
 
 
 def test_a_second_stamp_from_far_ahead_ends_the_flight():
-    for stamp in (1e6, 1e300):
+    for stamp in (1e6, 1e300):  # beyond 1e16 s one stamp is as the next, and none confirms another
         pilot = Pilot("microsat", "rate_square")
         held = pilot.start(0.0, np.zeros(3), np.zeros(3))
         believed = pilot.estimate.mean
@@ -182,10 +182,21 @@ def test_a_second_stamp_from_far_ahead_ends_the_flight():
         assert not pilot.step(np.nextafter(stamp + 1.0, np.inf), np.zeros(3), np.zeros(3)).any() or stamp == 1e300
         assert stamp == 1e300 or pilot.status.state == "over"
         np.testing.assert_array_equal(pilot.estimate.mean, believed)
-    for _ in range(30):  # beyond 1e16 s one stamp is as the next: none confirms another
+    for _ in range(30):
         torque = pilot.step(stamp, np.zeros(3), np.zeros(3))
     assert not torque.any()
     assert pilot.status.state == "coasting"
+
+
+@cases(("patience", "every"), [(0.0, 0.1), (0.1, 0.1), (None, 4.0), (3.0, 7.0)])
+def test_readings_that_come_rarely_or_with_little_patience_are_taken(patience, every):
+    """All of them but the first that is late: a stamp further ahead than usual has to be confirmed once."""
+    pilot = Pilot("microsat", "rate_square", patience=patience)
+    pilot.start(0.0, np.zeros(3), np.zeros(3))
+    for k in range(1, 30):
+        pilot.step(k * every, np.zeros(3), np.zeros(3))
+    assert pilot.estimate.time == pytest.approx(29 * every)
+    assert pilot.status.counts["ahead"] == (1 if every > 1.0 else 0)
 
 
 def error_over_std(pilot, flight):

@@ -461,9 +461,9 @@ def test_only_what_blinds_the_tracker_is_observed():
         env.reset(options={"satellite": sheets[1]})
 
 
-def flights(**settings):
+def flights(scenario, **settings):
     """Observations, rewards and shares of tracking of the single environment."""
-    env = SatInertiaIDEnv("microsat", "step", world(BLINDED), **settings)
+    env = SatInertiaIDEnv("microsat", "step", scenario, **settings)
     found = [(env.reset(seed=6)[0], 0.0, 0.0)]
     for _ in range(15):
         observation, reward, _, _, info = env.step(ACTION)
@@ -476,7 +476,7 @@ ACTION = np.array([0.02, -0.01, 0.03], np.float32)
 
 def test_single_and_vector_environment_fly_the_same():
     many = SatInertiaIDVectorEnv(3, "microsat", "step", world(BLINDED))
-    single = flights()
+    single = flights(world(BLINDED))
     np.testing.assert_array_equal(single[0][0], many.reset(seed=5)[0][1])
     for observation, reward, tracking in single[1:]:
         vector, rewards, _, _, infos = many.step(np.tile(ACTION, (3, 1)))
@@ -486,8 +486,18 @@ def test_single_and_vector_environment_fly_the_same():
 
 
 @pytest.mark.slow
-def test_an_estimator_of_the_users_own_flies_the_same():
-    for own, core in zip(flights(estimator=AdaptiveEKF()), flights(), strict=True):
+@cases("scenario", ["as the data sheet says", "a gyro that is silent", "readings that are late"])
+def test_an_estimator_of_the_users_own_flies_the_same(scenario):
+    own_world = {
+        "as the data sheet says": world(BLINDED),
+        "a gyro that is silent": world(
+            faults={"gyro_dropout": 1.0, "gyro_dropout_duration": (5.0, 8.0), "time": (0.1, 0.1)}
+        ),
+        "readings that are late": world(
+            sensors=Sensors(star_tracker=TRACKER, gyro_integrates=True, tachometer_delay=1.0)
+        ),
+    }[scenario]
+    for own, core in zip(flights(own_world, estimator=AdaptiveEKF()), flights(own_world), strict=True):
         np.testing.assert_allclose(own[0], core[0], rtol=1e-6, atol=1e-6)
         assert own[1:] == pytest.approx(core[1:], rel=1e-9)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -66,4 +67,4 @@ def _show(satellite: Satellite) -> None:
 def _list(title: str, lines: list[str], without: str) -> None:
     print(f"\n{title}: {'' if lines else without}".rstrip())
     for line in lines:
-        print(f"  - {line}")
+        print(textwrap.fill(line, 80, initial_indent="  - ", subsequent_indent="    "))

@@ -73,11 +73,8 @@ def announce(plant, belief, task):
 def take_reading(plant, belief, work):
     """Update the belief with those of the present readings that are not flagged; NIS of gyro and tachometers."""
     if plant.gyro_flagged != 0:
-        belief.coasting = 1
         nis = filters.condition_wheels(belief, work, plant.tachometer)
     else:
-        if belief.gate.threshold == 0.0:
-            belief.coasting = 0
         nis = filters.condition(belief, work, plant.gyro, plant.tachometer)
     if plant.tracker.fresh != 0:
         filters.condition_attitude(belief, work, plant.tracker.reading)

@@ -89,7 +89,8 @@ def write_alignment(row: np.void, prior: FilterPrior) -> None:
     alignment["noise_taps"] = counts
     if sensors.are_timed:
         write_weights(sensors.gyro_delay, int(sensors.gyro_integrates), alignment["gyro_end_weight"])
-        row["attitude"]["wait"] = round(alignment["state_age"])
+        if sensors.star_tracker is not None:
+            row["attitude"]["wait"] = round(alignment["state_age"])
     if counts > 0:
         alignment["noise"] = len(row["mean"]) - 3 * counts
         alignment["noise_covariance"] = noise_covariance(prior)

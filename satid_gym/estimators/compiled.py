@@ -113,7 +113,10 @@ class CompiledEKF:
         kernels.start_filter(self.records, self.work, real_array("gyro", gyro, (3,)), self._speed(wheel_speed))
 
     def command(self, torque: np.ndarray) -> None:
-        """Note the motor torque (n,) commanded from now on, N m; wheels without tachometer are assumed to follow it."""
+        """Note the motor torque (n,) commanded from now on, N m; wheels without tachometer are assumed to follow it.
+
+        It also tells what the body does in the time by which readings are late.
+        """
         self._work["torque"][0] = real_array("torque", torque, self.record["wheel_inertia"].shape)
 
     def predict(self, wheel_speed: np.ndarray, dt: float) -> None:
@@ -132,7 +135,8 @@ class CompiledEKF:
     def update_attitude(self, attitude: np.ndarray) -> float:
         """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
 
-        NIS is 0 where the attitude begins with this reading.
+        NIS is 0 where the attitude begins with this reading, a gate finds that it repeats the last, or it waits for
+        the state, beside readings that are late or averaged.
 
         Raises:
             ValueError: the prior has no star tracker, or the reading is not finite or of length 0.

@@ -150,7 +150,8 @@ class MomentumEKFSettings(EstimatorSettings):
         """Write prior and tuning to a belief record.
 
         Raises:
-            ValueError: a gate with sensors whose readings are not of one instant.
+            ValueError: a gate with sensors whose readings are not of one instant, or a star tracker beside such
+                without the prior's sample period.
         """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
         row["gyro_std"], row["tachometer_std"] = prior.reading_std, prior.tachometer_noise_std

@@ -32,7 +32,8 @@ class Pilot:
     A reading of None or NaN is missing. Without the gyro the filter continues with the wheel speeds; without wheel
     speeds it waits for the next ones and bridges the gap by interpolation, and meanwhile the rate loop commands zero
     torque. The torque is also zero for a decision without wheel speeds or more than `patience` seconds after the gyro's
-    last reading, after a failure of the filter, and while the clock stands still; `status` says so. Commands are always
+    last reading, after a failure of the filter, and while the clock stands still or jumps; `status` says so. The first
+    readings after a gap longer than `patience` are left out until the next confirm their time. Commands are always
     finite and within the motors' limits.
 
     Args:

@@ -25,7 +25,7 @@ class Status:
         message: what was wrong with the last readings, in one line; empty where nothing was.
         counts: how often readings were "missing" (None), "refused" (not finite, or beyond any limit), "rejected" (by
             the filter's gate), "repeated" (the same time stamp again), "late" (an earlier time stamp), "ahead" (a
-            stamp further ahead than `patience` that the next did not confirm, or has yet to); and "missed", decisions
+            stamp far ahead that the next did not confirm, or has yet to); and "missed", decisions
             that were skipped, because no good reading came before the next was due.
     """
 

@@ -32,7 +32,7 @@ from satid_gym.core.belief import calibration, filters, modes, star_reading
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control.rate_tracking import track
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.rotation import load_quaternion, store_quaternion, to_inertial
+from satid_gym.core.rotation import store_quaternion, to_inertial
 from satid_gym.core.sky import is_blind, is_off_target
 from satid_gym.core.wheels import along_axis, sum_wheels
 
@@ -129,7 +129,7 @@ def _time(task, samples):
 def track_stars(belief, task, tracker, rate, time):
     """Note until when the tracker is blind; whether it sees stars at a time, s. With no attitude no sky blinds it."""
     phase = np.cos(task.orbit_rate * time), np.sin(task.orbit_rate * time)
-    blind = is_blind(tracker, load_quaternion(belief.attitude.quaternion), rate, phase)
+    blind = is_blind(tracker, star_reading.present(belief), rate, phase)
     if belief.attitude.known == 0:
         blind = norm(rate) > tracker.rate_limit
     if blind:
@@ -192,7 +192,7 @@ def _misses(belief, task, omega, time):
     """Whether an announced window is open and the payload, by the estimated attitude, not safely on its target."""
     if task.tells_window == 0 or time < task.opens or time - task.sample_period >= task.closes:
         return False
-    boresight = to_inertial(load_quaternion(belief.attitude.quaternion), load(task.payload))
+    boresight = to_inertial(star_reading.present(belief), load(task.payload))
     cosine = 1.0 - _ON_TARGET**2 * (1.0 - task.pointing_cosine)  # of a small angle
     return is_off_target(boresight, load(task.target), omega, cosine, _ON_TARGET * task.steadiness)
 

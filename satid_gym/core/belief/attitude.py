@@ -46,7 +46,7 @@ def attitude_dtype(lines: int) -> np.dtype:
             ("boresight", FLOAT, 3),  # unit vector, body frame
             ("known", INT),  # 0: it has not begun
             ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
-            ("age", FLOAT),  # s since the last reading; as long as the flight before the first
+            ("age", FLOAT),  # s since the last reading that was used; as long as the flight before the first
             ("span", FLOAT),  # s of the last prediction
             ("period", FLOAT),  # s, of samples
             ("noisy", INT),  # 0: the tracker is said to have no noise

@@ -54,10 +54,14 @@ def predict(belief, work, tachometer, dt):
 @inline
 def condition(belief, work, gyro, tachometer):
     """Update the belief with the present readings; normalised innovation squared per degree of freedom."""
+    if belief.gate.threshold == 0.0:
+        belief.coasting = 0
     if belief.kind == _MOMENTUM:
-        if belief.alignment.on != 0 and not alignment.take_gyro(belief, gyro, 1):
-            return 0.0
-        return momentum_filter.condition(belief, work, gyro) / 3.0
+        nis = 0.0
+        if belief.alignment.on == 0 or alignment.take_gyro(belief, gyro, 1):
+            nis = momentum_filter.condition(belief, work, gyro) / 3.0
+        _take_what_waited(belief, work)
+        return nis
     return rate_filter.condition(belief, work, gyro, tachometer) / (3.0 + tachometer.shape[0])
 
 
@@ -67,11 +71,23 @@ def condition_wheels(belief, work, tachometer):
 
     Without gyro the MomentumEKF has nothing to update: the tachometers are its prediction's input.
     """
+    belief.coasting = 1
     if belief.kind == _MOMENTUM:
         if belief.alignment.on != 0:
             alignment.take_gyro(belief, belief.reference_rate, 0)
+        _take_what_waited(belief, work)
         return 0.0
     return rate_filter.condition_wheels(belief, work, tachometer) / tachometer.shape[0]
+
+
+@inline
+def _take_what_waited(belief, work):
+    """Update by a reading of the star tracker that has waited for this sample's state."""
+    state = belief.attitude
+    if state.wait > 0:  # a constant in C, where there is nothing to index without
+        if state.waits[state.wait] != 0:  # noqa: SIM102
+            state.waits[state.wait] = 0
+            momentum_update.update_attitude(belief, work, state.line[state.wait])
 
 
 @inline

@@ -108,7 +108,7 @@ def _turn_sensitivity(belief, work, momentum, omega, source, out, h):
 
 
 @outline
-def predict(belief, work, J, inputs, attitudes, dt):
+def predict(belief, work, J, inputs, turns, offset, dt):
     """Move M, eta and p by dt seconds, and write the derivative of that to work.transition, in the order of `moving`.
 
     Where the attitude is known it turns along, and its derivative is written to work.attitude.
@@ -118,13 +118,14 @@ def predict(belief, work, J, inputs, attitudes, dt):
         work: scratch space.
         J: estimated inertia (symmetric).
         inputs: A j Omega before and after.
-        attitudes: whether the attitude is known, and its `attitude.reference`.
+        turns: whether the attitude is known.
+        offset: its `attitude.reference`.
         dt: s.
     """
     count, size, rows = belief.modes.coupling.shape[0], belief.mean.shape[0], work.transition
     J_inv = inverse(body_inertia(belief, belief.mean, J))
     tau = load(belief.mean[3 + belief.prior_theta.shape[0] :])
-    (before, after), (turns, offset) = inputs, attitudes
+    before, after = inputs
     if turns:
         attitude.begin_prediction(work)
     for r in range(3 + 2 * count):

@@ -47,8 +47,6 @@ from satid_gym.core.jit import inline, outline
 def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
-    if star_reading.has_come(belief):
-        momentum_update.update_attitude(belief, work, belief.attitude.line[belief.attitude.wait])
     J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
     if belief.coasting != 0 and belief.attitude.on != 0:
         momentum_model.follow_own_rate(belief, J_inv)
@@ -68,10 +66,10 @@ def predict(belief, work, tachometer, dt):
     h = dt * per_step
     noise = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
     turns = belief.attitude.on != 0 and belief.attitude.known != 0
-    offset = attitude.reference(belief, J_inv) if turns else before
+    offset = attitude.reference(belief, J_inv) if turns else (0.0, 0.0, 0.0)
     if flexible:
         momentum = load(belief.mean)
-        mode_prediction.predict(belief, work, estimated_inertia(belief), (before, after), (turns, offset), dt)
+        mode_prediction.predict(belief, work, estimated_inertia(belief), (before, after), turns, offset, dt)
         if turns:
             attitude.propagate(belief, work)
         propagate(belief, work, dt)

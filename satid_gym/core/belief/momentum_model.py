@@ -72,9 +72,9 @@ def _least(spin, noise):
 
 @inline
 def write_rate_rows(belief, work, J_inv, rate, rows):
-    """Derivative of the rate by M, theta and the modes, at a rate, to rows (3, size); the number of columns that are.
+    """Derivative of the rate by M, theta and the modes, at a rate, to rows (3, size).
 
-    What follows is 0. Leaves J^-1 in work.jacobian[0].
+    Returns the number of columns that this fills; those behind are 0. Leaves J^-1 in work.jacobian[0].
     """
     p, jacobian = belief.prior_theta.shape[0], work.jacobian[0]
     store_symmetric(jacobian, J_inv)

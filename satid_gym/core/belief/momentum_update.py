@@ -162,7 +162,7 @@ def update_attitude(belief, work, reading):
         alignment.leave_out_mixed(belief)
         star_reading.begin(belief, work, reading)
         return 0.0
-    belief.attitude.age, before = 0.0, load(belief.mean)
+    belief.attitude.age, before = belief.attitude.wait * belief.attitude.period, load(belief.mean)
     nis = _update_once(belief, work) if belief.stepped != 0 else _update_rate(belief, work)
     attitude.take_up(belief)
     if belief.modes.coupling.shape[0] > 0:

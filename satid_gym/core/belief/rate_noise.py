@@ -20,8 +20,8 @@ def add(belief, work, momentum, noise, h2):
         belief: belief; where the attitude is known, that after the prediction.
         work: scratch space.
         momentum: M of the prediction.
-        noise: covariance S of the rate's error (symmetric).
-        h2: s^2, that the error lasts.
+        noise: covariance S of the rate's error in a sample (symmetric).
+        h2: s^2, of a step of h seconds in a sample of dt seconds h dt.
     """
     if belief.modes.coupling.shape[0] > 0:
         _add_to_modes(belief, momentum, noise, h2)

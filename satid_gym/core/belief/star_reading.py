@@ -16,6 +16,7 @@ good tracker's noise. With r the rate at which derivatives are taken and d the t
     q_read (q exp(phi))^-1 = exp(psi + R dphi + noise)
     dphi = (n - m) dt J^-1 (dM - L(r) dtheta - sum_k Omega_k de_k) + r dt dd
 
+What tau, F and the commands are off by adds far less than the reading's noise, and is left out.
 Errors of an encoder add up to an error of the angle that is no larger than that of a count: it is taken as noise of the
 reading. Source: this project's design.
 """
@@ -101,13 +102,6 @@ def await_state(belief, reading):
     return True
 
 
-@inline
-def has_come(belief):
-    """Whether the reading that has waited for long enough is there: `attitude.line[attitude.wait]`."""
-    state = belief.attitude
-    return state.on != 0 and state.wait > 0 and state.waits[state.wait] != 0
-
-
 @outline
 def wait_on(belief):
     """Let a sample pass for the readings that wait."""
@@ -170,7 +164,7 @@ def begin(belief, work, reading):
     """Take a reading (4,) for the attitude, whose error has nothing to do with what was known before."""
     attitude.forget(belief)
     state = belief.attitude
-    state.known, state.age, state.rejections = 1, 0.0, 0
+    state.known, state.age, state.rejections = 1, state.wait * state.period, 0
     store_quaternion(state.quaternion, load_quaternion(reading))
     _add(belief, _noise(state, state.quaternion))
     if belief.alignment.on != 0:

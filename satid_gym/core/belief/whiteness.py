@@ -19,8 +19,8 @@ over its largest so far, what was learned before was learned from the same readi
     (P+)^-1 = P^-1 / g + (1 - 1 / g) S^-1
 
 with S diagonal: the prior variances of theta, of the disturbance torque, of the modes' frequency, size and damping and
-of the errors of sensors and wheels, each at least the variance it has; infinite for M and for the modes' motion, which
-the next readings tell again. So each state grows by itself, at most to its prior.
+of the errors of sensors and wheels, each at least the variance it has; infinite for M, the attitude's error and the
+modes' motion, which the next readings tell again. So each state grows by itself, at most to its prior.
 
 Where modes are estimated, an early alarm comes from a frequency, coupling or inertia that was known too poorly for the
 linearisation to hold, not from what is left out. So within _EARLY readings the filter restarts from its mean: g is

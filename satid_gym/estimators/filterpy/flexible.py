@@ -142,7 +142,7 @@ class FlexibleModel(CalibratedModel):
         return end
 
     def _pass(self, middle: np.ndarray, a: np.ndarray, h: float) -> None:
-        """Take note of the middle of a step of h seconds, at wheel speeds a."""
+        """Take note of the middle of a step of h seconds; a: the input (n,) there, wheel speeds."""
 
     def _pushes(self, x: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """dp/dt of the modes, (size,)."""

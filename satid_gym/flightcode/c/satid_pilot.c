@@ -6,6 +6,7 @@
 #define SPEED_MAX 1.5      /* a reading beyond this many limits is a wrong unit or a fault */
 #define RATE_MAX 10.0
 #define LENGTH_SLACK 1e-3  /* of a quaternion */
+#define USUAL_SAMPLES 10   /* by which readings may be apart, whatever the patience */
 #define STEPS_MAX (SATID_DECISIONS * SATID_SAMPLES + 1) /* samples of the longest gap that is crossed */
 
 enum { GOOD, MISSING, REFUSED };
@@ -51,8 +52,11 @@ void satid_see(satid_pilot *pilot, const double *attitude)
 
 void satid_set_sun(satid_pilot *pilot, const double sun[3])
 {
-    memcpy(pilot->sun, sun, sizeof pilot->sun);
-    memcpy(pilot->task.sun, sun, sizeof pilot->task.sun);
+    const double length = sqrt(sun[0] * sun[0] + sun[1] * sun[1] + sun[2] * sun[2]);
+    for (int i = 0; i < 3; i++) { /* no direction, as none was given */
+        pilot->sun[i] = isfinite(length) && length > 0.0 ? sun[i] / length : 0.0;
+        pilot->task.sun[i] = pilot->sun[i];
+    }
 }
 #endif
 
@@ -236,25 +240,36 @@ static void look_after(satid_pilot *pilot, double time)
     }
 }
 
-/* Whether the readings of a stamp are left out: it has passed, or is so far ahead that the next has to confirm it. */
+/* Whether the readings of a stamp are left out: it has passed, or is so far ahead that the next has to confirm it, which
+   is further on by no more than this one was ahead. */
 static bool is_wrong(satid_pilot *pilot, double time)
 {
-    const double since = time - pilot->seen, slack = SAME * SATID_SAMPLE_PERIOD, further = time - pilot->ahead;
+    const double since = time - pilot->seen, further = time - pilot->ahead, slack = SAME * SATID_SAMPLE_PERIOD;
     satid_status *status = &pilot->status;
+    pilot->passed++;
     if (!isfinite(time) || since < -slack) {
         status->late++;
         status->flags |= SATID_LATE;
-    } else if (since < slack) {
+        return true;
+    }
+    if (since < slack) {
         status->repeated++;
         status->flags |= SATID_REPEATED;
-    } else if (since > SATID_PATIENCE && !(further >= slack && further <= SATID_PATIENCE)) {
-        status->ahead++;
-        status->flags |= SATID_AHEAD;
-        pilot->ahead = time;
-    } else {
-        return false;
+        return true;
     }
-    return true;
+    if (since > pilot->usual + slack) {
+        if (!(further >= slack && further <= pilot->ahead - pilot->seen + slack)) {
+            status->ahead++;
+            status->flags |= SATID_AHEAD;
+            pilot->ahead = time;
+            return true;
+        }
+        pilot->usual = fmax(pilot->usual, further);
+    }
+    pilot->seen = time;
+    pilot->ahead = -INFINITY;
+    pilot->passed = 0;
+    return false;
 }
 
 void satid_start(satid_pilot *pilot, double time, const double gyro[3], const double wheel_speed[SATID_WHEELS],
@@ -286,6 +301,7 @@ void satid_start(satid_pilot *pilot, double time, const double gyro[3], const do
     }
     pilot->begun = pilot->time = pilot->seen = pilot->heard = pilot->steered = time;
     pilot->ahead = -INFINITY;
+    pilot->usual = fmax(SATID_PATIENCE, USUAL_SAMPLES * SATID_SAMPLE_PERIOD);
     memcpy(pilot->readings.gyro, gyro, sizeof pilot->readings.gyro);
     memcpy(pilot->readings.tachometer, wheel_speed, sizeof pilot->readings.tachometer);
     pilot->status.state = SATID_FLYING;
@@ -321,7 +337,6 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
     count(status, of_wheels, SATID_NO_WHEELS, SATID_WHEELS_REFUSED);
     take_attitude(pilot);
     if (is_wrong(pilot, time)) {
-        pilot->passed++;
         if (pilot->passed * SATID_SAMPLE_PERIOD > SATID_PATIENCE && status->state != SATID_OVER) {
             coast(pilot, SATID_STALE);
             steer(pilot, false);
@@ -329,9 +344,6 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
         memcpy(torque, pilot->torque, sizeof pilot->torque);
         return;
     }
-    pilot->seen = time;
-    pilot->ahead = -INFINITY;
-    pilot->passed = 0;
     due = due_at(pilot, time);
     if (of_wheels == GOOD && (time - pilot->time) / SATID_SAMPLE_PERIOD < (double)STEPS_MAX) {
         const int32_t decision = pilot->decided + (due > 1 ? due : 1) - 1;

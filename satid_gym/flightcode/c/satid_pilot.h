@@ -29,7 +29,7 @@ enum {
     SATID_STALE = 2048,        /* stamps have been wrong for longer than SATID_PATIENCE: start again */
     SATID_UNMODELLED = 4096,   /* the innovations are not those of a consistent filter */
     SATID_ATTITUDE_REFUSED = 8192, /* not finite, or no quaternion of length 1 */
-    SATID_AHEAD = 16384,       /* a stamp further ahead than SATID_PATIENCE, ignored until the next confirms it */
+    SATID_AHEAD = 16384,       /* a stamp far ahead, ignored until the next confirms it */
     SATID_REJECTED = 32768     /* a reading that the filter's gate rejects */
 };
 
@@ -50,6 +50,7 @@ typedef struct {
     double torque[SATID_WHEELS]; /* commanded, N m */
     double begun, time, seen, heard, steered; /* s: start; last update, stamp, gyro reading, and torque of the rate loop */
     double ahead;    /* s: stamp that the next has to confirm; -INFINITY: none */
+    double usual;    /* s, by which readings may be apart */
     int32_t decided; /* decisions */
     uint32_t passed; /* stamps in a row that were wrong */
 #if SATID_TRACKER
@@ -77,10 +78,12 @@ void satid_step(satid_pilot *pilot, double time, const double *gyro, const doubl
 
 #if SATID_TRACKER
 /* Give a new reading of the star tracker, a quaternion from body to inertial, scalar last, before the start or step of
-   the same instant, which takes it; a null pointer or all NAN is none. */
+   the same instant, which takes it; a null pointer or all NAN is none. One that is refused is left out, at the start
+   too. */
 void satid_see(satid_pilot *pilot, const double *attitude);
 
-/* Direction of the Sun, inertial frame, for a policy that observes it; (0, 0, 0) until it is given. */
+/* Direction of the Sun, inertial frame, of any length, for a policy that observes it; it is kept when a flight begins
+   again. Until it is given, or if it is no direction, (0, 0, 0) is observed. */
 void satid_set_sun(satid_pilot *pilot, const double sun[3]);
 #endif
 
