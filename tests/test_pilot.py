@@ -173,19 +173,15 @@ def test_a_single_stamp_from_far_ahead_changes_nothing():
 
 
 def test_a_second_stamp_from_far_ahead_ends_the_flight():
-    for stamp in (1e6, 1e300):  # beyond 1e16 s one stamp is as the next, and none confirms another
+    for stamp in (1e6, 1e300):
         pilot = Pilot("microsat", "rate_square")
         held = pilot.start(0.0, np.zeros(3), np.zeros(3))
         believed = pilot.estimate.mean
         np.testing.assert_array_equal(pilot.step(stamp, np.zeros(3), np.zeros(3)), held)
         assert pilot.status.state == "flying"
-        assert not pilot.step(np.nextafter(stamp + 1.0, np.inf), np.zeros(3), np.zeros(3)).any() or stamp == 1e300
-        assert stamp == 1e300 or pilot.status.state == "over"
+        assert not pilot.step(np.nextafter(stamp + 1.0, np.inf), np.zeros(3), np.zeros(3)).any()
+        assert pilot.status.state == "over"
         np.testing.assert_array_equal(pilot.estimate.mean, believed)
-    for _ in range(30):
-        torque = pilot.step(stamp, np.zeros(3), np.zeros(3))
-    assert not torque.any()
-    assert pilot.status.state == "coasting"
 
 
 @cases(("patience", "every"), [(0.0, 0.1), (0.1, 0.1), (None, 4.0), (3.0, 7.0)])

@@ -488,14 +488,12 @@ def test_single_and_vector_environment_fly_the_same():
 @pytest.mark.slow
 @cases("scenario", ["as the data sheet says", "a gyro that is silent", "readings that are late"])
 def test_an_estimator_of_the_users_own_flies_the_same(scenario):
+    silent = {"gyro_dropout": 1.0, "gyro_dropout_duration": (5.0, 8.0), "time": (0.1, 0.1)}
+    late = Sensors(star_tracker=TRACKER, gyro_integrates=True, tachometer_delay=1.0)
     own_world = {
         "as the data sheet says": world(BLINDED),
-        "a gyro that is silent": world(
-            faults={"gyro_dropout": 1.0, "gyro_dropout_duration": (5.0, 8.0), "time": (0.1, 0.1)}
-        ),
-        "readings that are late": world(
-            sensors=Sensors(star_tracker=TRACKER, gyro_integrates=True, tachometer_delay=1.0)
-        ),
+        "a gyro that is silent": world(faults=silent),
+        "readings that are late": world(sensors=late),
     }[scenario]
     for own, core in zip(flights(own_world, estimator=AdaptiveEKF()), flights(own_world), strict=True):
         np.testing.assert_allclose(own[0], core[0], rtol=1e-6, atol=1e-6)

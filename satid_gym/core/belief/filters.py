@@ -84,8 +84,8 @@ def condition_wheels(belief, work, tachometer):
 def _take_what_waited(belief, work):
     """Update by a reading of the star tracker that has waited for this sample's state."""
     state = belief.attitude
-    if state.wait > 0:  # a constant in C, where there is nothing to index without
-        if state.waits[state.wait] != 0:  # noqa: SIM102
+    if state.wait > 0:  # noqa: SIM102, a constant in C, where without it there is nothing to index
+        if state.waits[state.wait] != 0:
             state.waits[state.wait] = 0
             momentum_update.update_attitude(belief, work, state.line[state.wait])
 
