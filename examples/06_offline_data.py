@@ -13,11 +13,11 @@ import torch
 
 from agents.dataset.collection import Collection, collect
 from agents.training.clocks import set_clocks
-from agents.training.run import network_of
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.satellite import BENCHMARK_SATELLITES
 
 EPISODES, EPOCHS = (int(word) for word in sys.argv[1:3] or (100, 20))  # of each cell; over all decisions
@@ -57,7 +57,7 @@ for _ in range(EPOCHS):
 with torch.no_grad():
     model[-1].weight *= 16.0  # and flown as the more probable one
     model[-1].bias *= 16.0
-clone = LearnedPolicy("clone", network_of(model), "rate", margin=2.75, include_covariance=True)
+clone = LearnedPolicy("clone", Network.of_layers(model), "rate", margin=2.75, include_covariance=True)
 
 world = {"inertia": "random", "scenario": benchmark_scenario(), "control": "rate", "seeds": seeds("validation", 64)}
 errors = {}

@@ -30,8 +30,11 @@ if config.DISABLE_JIT:  # tests of baselines, agents and of the test tools fly t
     ]
 
 
-# files that compile the most go first, in an order in which two that need the same kernels are not begun side by side
-FIRST = [f"test_{name}.py" for name in ("modes", "timing", "calibration", "dynamics", "oscillators", "filters")]
+# files that compile the most go first, in an order in which two that need the same kernels are not begun side by side,
+# and then those that take the longest, so that no worker is left alone with one at the end
+_COMPILE = ("modes", "timing", "calibration", "dynamics", "oscillators", "filters")
+_LONG = ("star_tracker", "distribution", "identify", "flightcode")
+FIRST = [f"test_{name}.py" for name in (*_COMPILE, *_LONG)]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

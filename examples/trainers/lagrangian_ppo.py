@@ -16,12 +16,12 @@ import numpy as np
 import torch
 from excitation import network, updates
 
-from agents.training.run import network_of
 from baselines.command.provenance import revision
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.metrics import final_error
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.network import Network
 from satid_gym.safety import SafetyVectorEnv
 
 LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs
@@ -122,7 +122,7 @@ def scores(actor, limits=LIMITS, episodes=64, world=WORLD):
 def policy(actor, name, details):
     """The actor as a policy for `find`, `fly` and every command, with the rate loop's margin in place of `SHARE`."""
     return LearnedPolicy(
-        name, network_of(actor), "rate", task.MARGIN, details=details, observation=WORLD["observation"]
+        name, Network.of_layers(actor), "rate", task.MARGIN, details=details, observation=WORLD["observation"]
     )
 
 

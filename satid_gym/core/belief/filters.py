@@ -19,7 +19,7 @@ from satid_gym.core.belief import (
     star_reading,
     whiteness,
 )
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import ObservationForm
 
 
@@ -80,7 +80,7 @@ def condition_wheels(belief, work, tachometer):
     return rate_filter.condition_wheels(belief, work, tachometer) / tachometer.shape[0]
 
 
-@inline
+@outline
 def _take_what_waited(belief, work):
     """Update by a reading of the star tracker that has waited for this sample's state."""
     state = belief.attitude

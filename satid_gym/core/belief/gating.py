@@ -22,7 +22,7 @@ import numpy as np
 
 from satid_gym.core.algebra import dot, inverse, load, multiply, store
 from satid_gym.core.belief.unmeasured import RECOVERED, STUCK, is_any_stuck, shift
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
 _OUTAGE_MAX = 10  # samples without gyro and without a tachometer after which momentum is taken as unknown
@@ -118,7 +118,7 @@ def note_repeat(belief, gyro):
     return repeated
 
 
-@inline
+@outline
 def innovation_covariance(belief, work):
     """S = H P H^T + 1 (symmetric) of the whitened reading in work.rows."""
     rows, covariance, ph, size = work.rows, belief.covariance, work.ph, belief.mean.shape[0]
@@ -176,7 +176,7 @@ def validate(belief, work):
     return nis
 
 
-@inline
+@outline
 def note_repeated_attitude(belief, reading):
     """Note a reading (4,) of the star tracker; whether it repeats the last one to the bit, which is counted."""
     state = belief.attitude
@@ -189,7 +189,7 @@ def note_repeated_attitude(belief, reading):
     return repeated
 
 
-@inline
+@outline
 def validate_attitude(belief, work):
     """Normalised innovation squared of a reading of the star tracker that is rejected; else ACCEPTED or REINITIALISE.
 

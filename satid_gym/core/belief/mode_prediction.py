@@ -27,7 +27,7 @@ _GROWTH_MAX = 0.5  # 1/s
 _STEPS_MAX = 10_000  # a pilot's gap may be long; beyond 2 rad in a step the method is unstable
 
 
-@inline
+@outline
 def _write_rate_sensitivity(belief, work, omega, J_inv, share, source):
     """Derivative of omega by the state before the prediction to work.modes.omega, after a share of it.
 

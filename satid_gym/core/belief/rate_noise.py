@@ -12,7 +12,7 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.rotation import to_inertial
 
 
-@inline
+@outline
 def add(belief, work, momentum, noise, h2):
     """Add it to the covariance.
 

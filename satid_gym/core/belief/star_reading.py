@@ -81,7 +81,7 @@ def _turned(belief, J_inv, m):
     return axpy(late * period, omega, multiply(J_inv, change)), late * period
 
 
-@inline
+@outline
 def present(belief):
     """Attitude at present, a quaternion; of a state that is as old as its readings that of the state."""
     q = load_quaternion(belief.attitude.quaternion)
@@ -144,7 +144,7 @@ def _write_rows(belief, work, J_inv, phi, s, rows):
         rows[0, c.delay], rows[1, c.delay], rows[2, c.delay] = column
 
 
-@inline
+@outline
 def _angle_noise(belief, J_inv):
     """Covariance (symmetric) of what an encoder's errors add up to in the angle, inertial frame, rad^2."""
     q, s = belief.attitude.quaternion, load_symmetric(belief.alignment.noise_covariance)

@@ -12,7 +12,7 @@ Source: this project's design.
 from __future__ import annotations
 
 from satid_gym.core.algebra import axpy, cross, dot, load, multiply, store, subtract
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 from satid_gym.core.rotation import to_inertial
 from satid_gym.core.wheels import along_axis, wheel_axis
 
@@ -69,7 +69,7 @@ def hold_total(belief, omega, jacobian):
             jacobian[i, j] += turned[i]
 
 
-@inline
+@outline
 def inflate_momentum(belief, J_inv, dt):
     """Add to M and attitude what wheels without tachometer may have done in the dt seconds of a prediction.
 
