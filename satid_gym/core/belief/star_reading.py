@@ -64,7 +64,7 @@ def _turned(belief, J_inv, m):
     late, square = 0.0, 0.0
     for i in range(ends):
         late += a.end_weight[i] * (i - m)
-        square += a.end_weight[i] * (i - m) ** 2
+        square += a.end_weight[i] * (i - m) * (i - m)
     swept = (0.0, 0.0, 0.0)
     for k in range(ends):
         v = 0.0
