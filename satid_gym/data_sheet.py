@@ -138,7 +138,7 @@ def doubts(satellite: Satellite) -> list[str]:
     if satellite.tolerances.gyro_bias > _BIAS * limit:
         found.append(
             f"the tolerance of the gyro's bias, {satellite.tolerances.gyro_bias:g} rad/s, is more than a tenth of the "
-            "rate limit: is it in deg/s or deg/h? A policy takes it for motion; else calibrate it at rest before"
+            "rate limit: is it in deg/s or deg/h? If it is right, calibrate the gyro at rest first"
         )
     if satellite.disturbance_std > _DISTURBANCE * own.torque.min():
         found.append(

@@ -21,7 +21,7 @@ from satid_gym.sb3 import RateCommandVecEnv, SatInertiaIDVecEnv
 from tests.cases import cases
 
 HORIZON = 7
-RELU = {"activation_fn": ReLU}
+RELU, SIGMOID = {"activation_fn": ReLU}, {"activation_fn": Sigmoid}
 
 
 @pytest.fixture
@@ -232,10 +232,13 @@ def test_a_model_that_is_no_policy_is_refused(tmp_path):
     env, untold = SatInertiaIDVecEnv(2, satellite="microsat"), tmp_path / "model.zip"
     trained(PPO, env, n_steps=50).save(untold)
     for make, message in [
-        (lambda: trained(PPO, VecNormalize(env), n_steps=50), "VecNormalize changes observations"),
-        (lambda: trained(PPO, VecFrameStack(env, 2), n_steps=50), "VecFrameStack changes observations"),
-        (lambda: trained(TD3, env, learning_starts=20), "made of PPO, A2C or SAC, not of TD3"),
-        (lambda: trained(PPO, env, n_steps=50, policy_kwargs={"activation_fn": Sigmoid}), "one of tanh, relu|Sigmoid"),
+        (lambda: trained(PPO, VecNormalize(env), n_steps=50), "VecNormalize changes the observations"),
+        (lambda: trained(PPO, VecFrameStack(env, 2), n_steps=50), "VecFrameStack changes the observations"),
+        (lambda: trained(TD3, env, learning_starts=20), "a model of TD3 cannot be used"),
+        (
+            lambda: trained(PPO, env, n_steps=50, policy_kwargs={"activation_fn": Sigmoid}),
+            "activations Sigmoid cannot be used",
+        ),
         (lambda: trained(PPO, "Pendulum-v1", n_steps=50), "environment of the model is DummyVecEnv"),
         (lambda: PPO.load(untold), "environment of the model is missing"),
     ]:

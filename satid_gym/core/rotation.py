@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from satid_gym.core.algebra import add, axpy, cross, norm
-from satid_gym.core.jit import inline
+from satid_gym.core.jit import inline, outline
 
 
 @inline
@@ -21,6 +21,14 @@ def to_body(q, v):
 def to_inertial(q, v):
     """A vector of the body frame in the inertial one."""
     return to_body((-q[0], -q[1], -q[2], q[3]), v)
+
+
+@outline
+def symmetric_to_inertial(q, s):
+    """R S R^T (symmetric) of a symmetric S in the body frame."""
+    x, y, z = to_inertial(q, (s[0], s[3], s[4])), to_inertial(q, (s[3], s[1], s[5])), to_inertial(q, (s[4], s[5], s[2]))
+    a, b, c = to_inertial(q, (x[0], y[0], z[0])), to_inertial(q, (x[1], y[1], z[1])), to_inertial(q, (x[2], y[2], z[2]))
+    return a[0], b[1], c[2], a[1], a[2], b[2]
 
 
 @inline

@@ -136,7 +136,7 @@ class CompiledEKF:
         """Update with a reading (4,) of the star tracker, body to inertial, scalar last; NIS per degree of freedom.
 
         NIS is 0 where the attitude begins with this reading, a gate finds that it repeats the last, or it waits for
-        the state, beside readings that are late or averaged.
+        the state, if readings of gyro and wheels are late or averaged.
 
         Raises:
             ValueError: the prior has no star tracker, or the reading is not finite or of length 0.

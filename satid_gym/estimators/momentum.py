@@ -150,7 +150,7 @@ class MomentumEKFSettings(EstimatorSettings):
         """Write prior and tuning to a belief record.
 
         Raises:
-            ValueError: a gate with sensors whose readings are not of one instant, or a star tracker beside such
+            ValueError: a gate with sensors whose readings are not of one instant, or a star tracker with such
                 without the prior's sample period.
         """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
@@ -180,7 +180,7 @@ class MomentumEKFSettings(EstimatorSettings):
         if prior.sensors.star_tracker is not None:
             if prior.sensors.are_timed and prior.sample_period is None:
                 raise ValueError(
-                    "a star tracker beside readings that are late or averaged needs the prior's sample_period, s: they "
+                    "a star tracker with readings that are late or averaged needs the prior's sample_period, s: they "
                     "are brought to one instant by it"
                 )
             write_attitude(row["attitude"], prior.sensors.star_tracker, first, prior.sample_period or 0.0)

@@ -45,8 +45,8 @@ def _environment(model: Any) -> Any:
     while hasattr(env, "venv"):
         if hasattr(env, "obs_rms") or env.observation_space != env.venv.observation_space:
             raise ValueError(
-                f"{type(env).__name__} changes observations, and a policy gets those of the environment: train without "
-                "it; they are scaled already"
+                f"{type(env).__name__} changes the observations, and a policy gets them as the environment gives them, "
+                "scaled already: train without it"
             )
         env = env.venv
     if not hasattr(env, "vector_env"):
@@ -60,19 +60,19 @@ def _environment(model: Any) -> Any:
 def _network(model: Any) -> Network:
     policy = model.policy
     if policy.features_extractor_class.__name__ != "FlattenExtractor":
-        raise ValueError('a policy has layers alone, no features of its own: train with "MlpPolicy"')
+        raise ValueError('a model with a features extractor cannot be used: train with "MlpPolicy" as it is')
     if hasattr(policy, "lstm_actor"):
-        raise ValueError("a policy has no recurrent layers: train PPO, A2C or SAC")
+        raise ValueError("a recurrent model cannot be used: train PPO, A2C or SAC")
     if hasattr(policy, "mlp_extractor") and hasattr(policy, "action_net"):
         layers, squashed = [*policy.mlp_extractor.policy_net, policy.action_net], bool(policy.squash_output)
     elif hasattr(getattr(policy, "actor", None), "latent_pi"):
         layers, squashed = [*policy.actor.latent_pi, policy.actor.mu], True
     else:
-        raise ValueError(f"a policy is made of PPO, A2C or SAC, not of {type(model).__name__}")
+        raise ValueError(f"a model of {type(model).__name__} cannot be used: train PPO, A2C or SAC")
     used = {type(layer).__name__ for layer in layers} - {"Linear"}
     if not used <= set(_ACTIVATIONS) or len(used) > 1:
         raise ValueError(
-            f"layers of a policy are linear with one of {', '.join(_ACTIVATIONS)} between them, got "
-            f"{', '.join(sorted(used))}: choose by policy_kwargs"
+            f"a model with activations {', '.join(sorted(used))} cannot be used: choose one of "
+            f"{', '.join(_ACTIVATIONS)} by policy_kwargs"
         )
     return Network.of_layers(layers, _ACTIVATIONS[used.pop()] if used else "tanh", squashed)

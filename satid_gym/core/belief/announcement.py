@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import inverse, multiply, store_symmetric
-from satid_gym.core.belief import modes, momentum_model
-from satid_gym.core.belief.kalman import estimated_inertia, write_times_regressor
+from satid_gym.core.algebra import multiply, store_symmetric
+from satid_gym.core.belief import momentum_model
+from satid_gym.core.belief.kalman import write_times_regressor
 from satid_gym.core.jit import inline, outline
 
 _SIZE = 0.2  # s: std of all of a change, relative to the scale of theta
@@ -39,8 +39,7 @@ def size(belief):
 def raise_covariance(belief, work):
     """Add what has been announced to the covariance of momentum and theta."""
     covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
-    inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
-    omega = multiply(inverse(inertia), momentum_model.body_momentum(belief))
+    omega = multiply(momentum_model.inverse_inertia(belief), momentum_model.body_momentum(belief))
     store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     write_times_regressor(identity, omega, regressor)
     for k in range(belief.theta_scale.shape[0]):

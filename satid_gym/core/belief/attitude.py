@@ -23,10 +23,9 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy, inverse, load, multiply, norm, store, store_symmetric, subtract
+from satid_gym.core.algebra import axpy, load, multiply, norm, store, store_symmetric, subtract
 from satid_gym.core.belief import momentum_model, rate_noise
-from satid_gym.core.belief.kalman import estimated_inertia, write_cross_times, write_times_regressor
-from satid_gym.core.belief.modes import body_inertia
+from satid_gym.core.belief.kalman import write_cross_times, write_times_regressor
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.rotation import load_quaternion, product, store_quaternion, to_inertial, turn
@@ -203,8 +202,8 @@ def doubt(belief, work, change):
     if state.on == 0 or state.known == 0:
         return
     momentum = load(belief.mean)
-    inertia = body_inertia(belief, belief.mean, estimated_inertia(belief))
-    variance = (change * norm(multiply(inverse(inertia), momentum_model.body_momentum(belief)))) ** 2
+    omega = multiply(momentum_model.inverse_inertia(belief), momentum_model.body_momentum(belief))
+    variance = (change * norm(omega)) ** 2
     rate_noise.add(belief, work, momentum, (variance, variance, variance, 0.0, 0.0, 0.0), state.span**2)
 
 

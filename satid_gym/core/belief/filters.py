@@ -94,7 +94,7 @@ def _take_what_waited(belief, work):
 def condition_attitude(belief, work, reading):
     """Update the belief with a reading (4,) of the star tracker; normalised innovation squared per degree of freedom.
 
-    0 where nothing was compared, or will be later: beside readings that are late or averaged.
+    0 where nothing was compared, or will be later, with readings that are late or averaged.
     """
     if belief.attitude.on == 0 or star_reading.await_state(belief, reading):
         return 0.0

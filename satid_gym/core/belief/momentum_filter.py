@@ -16,7 +16,6 @@ from satid_gym.core.algebra import (
     axpy,
     congruence,
     cross,
-    inverse,
     load,
     load_symmetric,
     multiply,
@@ -47,7 +46,7 @@ from satid_gym.core.jit import inline, outline
 def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
-    J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
+    J_inv = momentum_model.inverse_inertia(belief)
     if belief.coasting != 0 and belief.attitude.on != 0:
         momentum_model.follow_own_rate(belief, J_inv)
     calibration.begin_prediction(belief)
@@ -127,8 +126,7 @@ def disturbance(belief):
 @inline
 def rate(belief):
     """Estimated omega = J^-1 (M - a) at the last reading."""
-    inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
-    return multiply(inverse(inertia), momentum_model.body_momentum(belief))
+    return multiply(momentum_model.inverse_inertia(belief), momentum_model.body_momentum(belief))
 
 
 @inline

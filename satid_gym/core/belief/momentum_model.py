@@ -105,7 +105,7 @@ def linearise(belief, work, gyro):
     innovation, and would bias theta if it were in the derivative as well. A component within five of its
     standard deviations is taken as none: noise is no excitation. In errors of the rate, `retraction` says where.
     """
-    J_inv = inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
+    J_inv = inverse_inertia(belief)
     calibrated = belief.calibration.states > 0
     calibration.take_up(belief)
     omega = multiply(J_inv, body_momentum(belief))
@@ -133,6 +133,12 @@ def linearise(belief, work, gyro):
         noise = add_diagonal(belief.gyro_std**2, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     store(work.innovation, residual)
     whiten(work, axpy_symmetric(belief.whiteness.factor - 1.0, noise, noise))
+
+
+@inline
+def inverse_inertia(belief):
+    """J^-1 (symmetric) of the estimate, J less what moves freely in the modes."""
+    return inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
 
 
 @outline

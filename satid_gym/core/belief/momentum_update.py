@@ -17,7 +17,7 @@ from satid_gym.core.belief import (
     whiteness,
 )
 from satid_gym.core.belief.gating import STEP, innovation_covariance
-from satid_gym.core.belief.kalman import estimated_inertia, is_known_to, update
+from satid_gym.core.belief.kalman import is_known_to, update
 from satid_gym.core.jit import inline, outline
 
 _ITERATE_ABOVE = 0.05  # relative std of a moment above which updates are iterated
@@ -146,8 +146,7 @@ def update_attitude(belief, work, reading):
         star_reading.begin(belief, work, reading)
         return 0.0
     if belief.coasting != 0:
-        inertia = modes.body_inertia(belief, belief.mean, estimated_inertia(belief))
-        momentum_model.follow_own_rate(belief, inverse(inertia))
+        momentum_model.follow_own_rate(belief, momentum_model.inverse_inertia(belief))
     star_reading.linearise(belief, work, reading)
     if gated:
         decision = gating.validate_attitude(belief, work)

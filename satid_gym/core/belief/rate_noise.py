@@ -5,11 +5,11 @@ An error e of the rate moves M by M x e, a deflection by -d . e, and the attitud
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import axpy, dot, load, multiply
+from satid_gym.core.algebra import add_symmetric, axpy, dot, load, multiply
 from satid_gym.core.belief.kalman import write_cross_times
 from satid_gym.core.belief.modes import moving
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.rotation import to_inertial
+from satid_gym.core.rotation import symmetric_to_inertial, to_inertial
 
 
 @outline
@@ -21,7 +21,7 @@ def add(belief, work, momentum, noise, h2):
         work: scratch space.
         momentum: M of the prediction.
         noise: covariance S of the rate's error in a sample (symmetric).
-        h2: s^2, of a step of h seconds in a sample of dt seconds h dt.
+        h2: s^2; h dt for a step of h seconds within a sample of dt seconds.
     """
     if belief.modes.coupling.shape[0] > 0:
         _add_to_modes(belief, momentum, noise, h2)
@@ -79,12 +79,7 @@ def _add_to_attitude(belief, work, momentum, noise, h2):
     covariance, first, crossed = belief.covariance, belief.attitude.first, work.jacobian[2]
     q = belief.attitude.quaternion
     write_cross_times(momentum, noise, crossed)
-    rows = ((noise[0], noise[3], noise[4]), (noise[3], noise[1], noise[5]), (noise[4], noise[5], noise[2]))
-    turned = (to_inertial(q, rows[0]), to_inertial(q, rows[1]), to_inertial(q, rows[2]))  # S R^T
-    for j in range(3):
-        column = to_inertial(q, (turned[0][j], turned[1][j], turned[2][j]))
-        for i in range(3):
-            covariance[first + i, first + j] += h2 * column[i]
+    add_symmetric(h2, symmetric_to_inertial(q, noise), covariance, first)
     for i in range(3):
         row = to_inertial(q, (crossed[i, 0], crossed[i, 1], crossed[i, 2]))
         for j in range(3):

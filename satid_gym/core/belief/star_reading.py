@@ -10,26 +10,26 @@ compared then. From the state to the end m periods ago the body turns by
     v_k = sum_(i > k) c_i (i - k - 1/2 - n + m) for k >= m,  sum_(i <= k) c_i (k - i + 1/2 + n - m) for k < m
 
 with F the torque of the modes' springs and dampers, and p_k = A u_k dt what the motors were commanded to in the sample
-that ended k periods ago. That they are noisy matters little, as v_k is small; at once (m = 0) it would be more than a
-good tracker's noise. With r the rate at which derivatives are taken and d the tachometers' delay, of which n is a part,
+that ended k periods ago. The motors' noise is left out: v_k is small, whereas at once (m = 0) that noise would exceed a
+good tracker's (docs/startracker.md). With r the rate at which derivatives are taken and d the tachometers' delay, which
+is a part of n,
 
     q_read (q exp(phi))^-1 = exp(psi + R dphi + noise)
     dphi = (n - m) dt J^-1 (dM - L(r) dtheta - sum_k Omega_k de_k) + r dt dd
 
-What tau, F and the commands are off by adds far less than the reading's noise, and is left out.
-Errors of an encoder add up to an error of the angle that is no larger than that of a count: it is taken as noise of the
-reading. Source: this project's design.
+Errors of tau, F and the commands are left out. Those of an encoder add up to an error of the angle that is no larger
+than that of a count: it is taken as noise of the reading. Source: this project's design.
 """
 
 from __future__ import annotations
 
 from satid_gym.core.algebra import (
     add,
+    add_symmetric,
     axpy,
     axpy_symmetric,
     congruence,
     cross,
-    inverse,
     load,
     load_symmetric,
     multiply,
@@ -37,18 +37,19 @@ from satid_gym.core.algebra import (
     subtract,
 )
 from satid_gym.core.belief import attitude, modes, momentum_model
-from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.jit import inline, outline
-from satid_gym.core.rotation import load_quaternion, product, rotation_vector, store_quaternion, to_inertial, turn
+from satid_gym.core.rotation import (
+    load_quaternion,
+    product,
+    rotation_vector,
+    store_quaternion,
+    symmetric_to_inertial,
+    to_inertial,
+    turn,
+)
 from satid_gym.core.sampling import LINE
 
 _ENCODER_SHARE = 0.5  # of a count's variance, at most, that is left of it in the angle: 0.375 with an integrating gyro
-
-
-@inline
-def _free_inertia(belief):
-    """J less what moves freely in the modes, inverted (symmetric)."""
-    return inverse(modes.body_inertia(belief, belief.mean, estimated_inertia(belief)))
 
 
 @outline
@@ -87,7 +88,7 @@ def present(belief):
     q = load_quaternion(belief.attitude.quaternion)
     if belief.alignment.on == 0:
         return q
-    return product(q, turn(_turned(belief, _free_inertia(belief), 0)[0]))
+    return product(q, turn(_turned(belief, momentum_model.inverse_inertia(belief), 0)[0]))
 
 
 @inline
@@ -144,19 +145,11 @@ def _write_rows(belief, work, J_inv, phi, s, rows):
         rows[0, c.delay], rows[1, c.delay], rows[2, c.delay] = column
 
 
-@outline
+@inline
 def _angle_noise(belief, J_inv):
-    """Covariance (symmetric) of what an encoder's errors add up to in the angle, inertial frame, rad^2."""
-    q, s = belief.attitude.quaternion, load_symmetric(belief.alignment.noise_covariance)
-    noise = congruence(J_inv, s)
-    rows = ((noise[0], noise[3], noise[4]), (noise[3], noise[1], noise[5]), (noise[4], noise[5], noise[2]))
-    turned = (to_inertial(q, rows[0]), to_inertial(q, rows[1]), to_inertial(q, rows[2]))
-    x = to_inertial(q, (turned[0][0], turned[1][0], turned[2][0]))
-    y = to_inertial(q, (turned[0][1], turned[1][1], turned[2][1]))
-    z = to_inertial(q, (turned[0][2], turned[1][2], turned[2][2]))
-    share = _ENCODER_SHARE * belief.attitude.period**2
-    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return axpy_symmetric(share, (x[0], y[1], z[2], x[1], x[2], y[2]), zero)
+    """Covariance (symmetric) of what an encoder's errors add up to in the angle, inertial frame, over the period^2."""
+    noise = congruence(J_inv, load_symmetric(belief.alignment.noise_covariance))
+    return symmetric_to_inertial(belief.attitude.quaternion, noise)
 
 
 @outline
@@ -166,7 +159,7 @@ def begin(belief, work, reading):
     state = belief.attitude
     state.known, state.age, state.rejections = 1, state.wait * state.period, 0
     store_quaternion(state.quaternion, load_quaternion(reading))
-    _add(belief, _noise(state, state.quaternion))
+    add_symmetric(1.0, _noise(state, state.quaternion), belief.covariance, state.first)
     if belief.alignment.on != 0:
         _turn_back(belief, work)
 
@@ -174,28 +167,17 @@ def begin(belief, work, reading):
 @outline
 def _turn_back(belief, work):
     """Take the attitude, as it was read, to the instant that the state stands for: psi is less R dphi then."""
-    state, rows, J_inv = belief.attitude, work.attitude, _free_inertia(belief)
+    state, rows, J_inv = belief.attitude, work.attitude, momentum_model.inverse_inertia(belief)
     phi, s = _turned(belief, J_inv, state.wait)
     store_quaternion(state.quaternion, product(load_quaternion(state.quaternion), turn((-phi[0], -phi[1], -phi[2]))))
     if belief.alignment.noise_taps > 0:
-        _add(belief, _angle_noise(belief, J_inv))
+        share = _ENCODER_SHARE * state.period**2
+        add_symmetric(share, _angle_noise(belief, J_inv), belief.covariance, state.first)
     _write_rows(belief, work, J_inv, phi, s, rows)
     for i in range(3):
         for j in range(rows.shape[1]):
             rows[i, j] = -rows[i, j]
     attitude.propagate(belief, work)
-
-
-@inline
-def _add(belief, a):
-    """Add A (symmetric) to psi's covariance."""
-    covariance, p = belief.covariance, belief.attitude.first
-    covariance[p, p] += a[0]
-    covariance[p + 1, p + 1] += a[1]
-    covariance[p + 2, p + 2] += a[2]
-    covariance[p, p + 1] = covariance[p + 1, p] = covariance[p, p + 1] + a[3]
-    covariance[p, p + 2] = covariance[p + 2, p] = covariance[p, p + 2] + a[4]
-    covariance[p + 1, p + 2] = covariance[p + 2, p + 1] = covariance[p + 1, p + 2] + a[5]
 
 
 @outline
@@ -208,12 +190,12 @@ def linearise(belief, work, reading):
         for j in range(size):
             rows[i, j] = 0.0
     if belief.alignment.on != 0:
-        J_inv = _free_inertia(belief)
+        J_inv = momentum_model.inverse_inertia(belief)
         phi, s = _turned(belief, J_inv, state.wait)
         q = product(q, turn(phi))
         _write_rows(belief, work, J_inv, phi, s, rows)
         if belief.alignment.noise_taps > 0:
-            noise = axpy_symmetric(1.0, _angle_noise(belief, J_inv), noise)
+            noise = axpy_symmetric(_ENCODER_SHARE * state.period**2, _angle_noise(belief, J_inv), noise)
     for i in range(3):
         rows[i, state.first + i] = 1.0
     x, y, z, w = q

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +18,7 @@ from satid_gym.tolerances import Tolerances
 _KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins again
 
 
-class TrackedModel(CalibratedModel):
+class TrackedModel(CalibratedModel, ABC):
     """Base of both: x = [M, theta, tau, modes, psi, b, G, e], and the attitude that psi is the error of.
 
     Attributes:
@@ -36,9 +38,9 @@ class TrackedModel(CalibratedModel):
         """Note where derivatives are taken, before a prediction that begins with a state and wheel speeds (n,)."""
         self.offset = np.zeros(3) if stepped else self.reference - self.rate(x, a)
 
+    @abstractmethod
     def turn(self, x: np.ndarray, a0: np.ndarray, a1: np.ndarray, h: float) -> None:
         """Turn the attitude on by a step that begins with a state."""
-        raise NotImplementedError
 
     def is_known(self, covariance: np.ndarray) -> bool:
         """Whether it has begun, and its error is still a small angle."""
