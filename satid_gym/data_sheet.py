@@ -1,8 +1,8 @@
 """Data sheet of a satellite, looked over before it is believed: what follows from it, what it leaves out, and doubts.
 
-A value in another unit is often possible, and then every result is wrong by a factor that nothing shows. The doubts are
-what numbers of one satellite say of each other; their limits lie far outside what has flown, so that an unusual
-satellite passes and a slip of a unit does not.
+A value in another unit is often possible, and then every result is wrong by a factor that nothing shows. The doubts
+compare the numbers of a satellite with each other. Their limits are wide: an unusual satellite passes, most slips of a
+unit do not.
 """
 
 from __future__ import annotations

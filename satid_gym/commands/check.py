@@ -6,8 +6,6 @@ import argparse
 import textwrap
 from typing import Any
 
-import numpy as np
-
 from satid_gym.commands.words import HelpFormatter
 from satid_gym.data_sheet import derived, doubts, left_out
 from satid_gym.resolution import resolve_satellites
@@ -59,7 +57,7 @@ def _show(satellite: Satellite) -> None:
     for name, values in rows.items():
         if values is not None:
             print(f"{name:44s}" + "".join(f"{value:12.4g}" for value in values))
-    print(f"{'wheel to its speed limit, s':44s}" + "".join(f"{value:12.4g}" for value in np.unique(own.spin_up)))
+    print("\nwheels from rest to their speed limit, s: " + " ".join(f"{value:.4g}" for value in own.spin_up))
     _list("not in the data sheet, or as the default", left_out(satellite), "nothing: everything is given")
     _list("doubts", doubts(satellite), "none")
 
