@@ -208,6 +208,18 @@ def _move_mean(belief, work):
 
 
 @inline
+def add_symmetric(k, a, matrix, first):
+    """Add k A, of a symmetric A, to the block of a symmetric matrix that begins at (first, first)."""
+    p, q, r = first, first + 1, first + 2
+    matrix[p, p] += k * a[0]
+    matrix[q, q] += k * a[1]
+    matrix[r, r] += k * a[2]
+    matrix[p, q] = matrix[q, p] = matrix[p, q] + k * a[3]
+    matrix[p, r] = matrix[r, p] = matrix[p, r] + k * a[4]
+    matrix[q, r] = matrix[r, q] = matrix[q, r] + k * a[5]
+
+
+@inline
 def clear(belief):
     """Mean and covariance zero."""
     for i in range(belief.mean.shape[0]):

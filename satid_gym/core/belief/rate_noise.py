@@ -5,8 +5,8 @@ An error e of the rate moves M by M x e, a deflection by -d . e, and the attitud
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import add_symmetric, axpy, dot, load, multiply
-from satid_gym.core.belief.kalman import write_cross_times
+from satid_gym.core.algebra import axpy, dot, load, multiply
+from satid_gym.core.belief.kalman import add_symmetric, write_cross_times
 from satid_gym.core.belief.modes import moving
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.rotation import symmetric_to_inertial, to_inertial

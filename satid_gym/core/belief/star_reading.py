@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from satid_gym.core.algebra import (
     add,
-    add_symmetric,
     axpy,
     axpy_symmetric,
     congruence,
@@ -37,6 +36,7 @@ from satid_gym.core.algebra import (
     subtract,
 )
 from satid_gym.core.belief import attitude, modes, momentum_model
+from satid_gym.core.belief.kalman import add_symmetric
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.rotation import (
     load_quaternion,
