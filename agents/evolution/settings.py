@@ -57,6 +57,8 @@ class Evolution:
     """Margin of the rates, see `satid_gym.control.rate_loop.RateMargin`."""
     settle: float = SETTLE
     """s before an imaging window opens at which the target is to be held."""
+    shaped: bool = False
+    """Whether a decision goes towards its corner as far as panels allow, see `satid_gym.control.mode_shaping`."""
     seed: int = 0
     """Seed of the evolution."""
     workers: int = 2
@@ -121,11 +123,12 @@ class Evolution:
     @property
     def features(self) -> tuple[str, ...]:
         """What the score takes."""
-        return features_of(SCENARIOS[self.scenario])
+        return features_of(SCENARIOS[self.scenario], self.shaped)
 
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""
         network = Network((weights[None].astype(np.float32),), (np.zeros(1, np.float32),))
         given = {"observation": "body", "corner_features": self.features}
         given |= {"settle": self.settle, "include_covariance": True, "include_walk": takes_walk(self.features)}
+        given["is_shaped"] = self.shaped
         return LearnedPolicy(self.name, network, "rate", self.margin, details=details, **given)

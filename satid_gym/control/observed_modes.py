@@ -3,8 +3,8 @@
 A mode that is excited by an acceleration a of the body swings about eta_0 = -d . a / w^2, a circle of the point
 (eta, deta/dt / w). Rates are foreseen as those of the environment's own loop: a first-order lag, as quick as the
 wheels' torque allows each axis. w is the filter's estimate less some of its standard deviations, for a slower mode
-bends further. Damping, which is small, is left out. `satid_gym.policies.shaped_square` has the units of what is
-observed of a mode.
+bends further. Damping, which is small, is left out, and so is the pull of the rotation (`mode_shaping`), which changes
+sign in a tour before a slow mode has followed. `mode_shaping` has the units of what is observed of a mode.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from satid_gym.policy import Mission
 _READ = ("rate", "control_authority", "inertia", "modes", "time_left")  # parts of the observation
 _TINY = 1e-12  # of a length, so that none is divided by 0
 _AHEAD = 8  # decisions in which rates settle
-_STEPS = 4  # of a decision, in which accelerations are taken to be constant
+STEPS = 4  # of a decision, in which accelerations are taken to be constant
 
 
 class Modes(NamedTuple):
@@ -38,6 +38,8 @@ class Modes(NamedTuple):
         turn: (N, modes, 2) cosine and sine of w times a step.
         turned: (N, modes) w times a decision.
         limit: (N, modes) share of the limit of deflection; infinite where there is none.
+        pull: (N, modes, 6) of the rotation: (xx, yy, zz, xy, xz, yz) of K, where rates r over the limit that stay
+            pull a mode to r . K r.
     """
 
     rate: np.ndarray
@@ -48,6 +50,13 @@ class Modes(NamedTuple):
     turn: np.ndarray
     turned: np.ndarray
     limit: np.ndarray
+    pull: np.ndarray
+
+    def pulled(self, rate: np.ndarray) -> np.ndarray:
+        """Deflection (N, modes) to which the rotation pulls the modes at rates (N, 3) over the limit."""
+        x, y, z = rate.T
+        squares = np.stack([x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z], axis=1)
+        return (self.pull * squares[:, None]).sum(axis=2)
 
     def of(self, rows: np.ndarray) -> Modes:
         """Modes of some episodes."""
@@ -84,7 +93,7 @@ class ObservedModes:
         self._share = check_number("share", share, high=1.0, strict=True)
         self._caution = check_number("caution", caution)
         self._layout = first.layout
-        self._lag = 1.0 - np.exp(-first.scenario.tracking_bandwidth * first.scenario.decision_period / _STEPS)
+        self._lag = 1.0 - np.exp(-first.scenario.tracking_bandwidth * first.scenario.decision_period / STEPS)
         self._all_moments = np.stack([np.diag(mission.prior.inertia) for mission in missions])
         self._moments = self._all_moments[:1]
         self._sheet = np.zeros((0, 0, 2))  # w T and |d| of the data sheet, (N, modes)
@@ -110,19 +119,20 @@ class ObservedModes:
         coupling = modes[:, :, MODE_PLACES["coupling"] : MODE_PLACES["coupling"] + 3] * np.sqrt(moments)[:, None]
         size = np.linalg.norm(coupling, axis=2)
         self._note(np.stack([2.0 * np.pi * part["frequency"], size], axis=2), seen["time_left"][:, 0] >= 1.0)
-        turned = 2.0 * np.pi * part["frequency"] * np.exp(-self._caution * observed_std(part["frequency_std"]))
-        turned = np.maximum(turned, _TINY)
+        slower = np.exp(-self._caution * observed_std(part["frequency_std"]))
+        turned = np.maximum(2.0 * np.pi * part["frequency"] * slower, _TINY)
         own, limit = self._sheet[:, :, 0] / turned, part["deflection_limit"]
         given = np.where((limit > 0.0) & (limit < BOUND), limit, np.inf)  # 0 of a mode that no rotation excites
         return Modes(
             seen["rate"],
-            seen["control_authority"] / _STEPS,
+            seen["control_authority"] / STEPS,
             np.stack([part["deflection"], part["deflection_rate"] * own], axis=2),
             coupling / np.maximum(size, _TINY)[:, :, None],
-            size / np.maximum(self._sheet[:, :, 1], _TINY) * own / turned * _STEPS,
-            np.stack([np.cos(turned / _STEPS), np.sin(turned / _STEPS)], axis=2),
+            size / np.maximum(self._sheet[:, :, 1], _TINY) * own / turned * STEPS,
+            np.stack([np.cos(turned / STEPS), np.sin(turned / STEPS)], axis=2),
             turned,
             self._share * given,
+            modes[:, :, MODE_PLACES["centrifugal"] :] / slower[:, :, None] ** 2,
         )
 
     def _note(self, sheet: np.ndarray, begins: np.ndarray) -> None:
@@ -177,7 +187,7 @@ def _steps(modes, i, command, lag, steps, rate, swing, enough):
 def _peak_if_kept(modes, i, command, lag, rate, swing, enough):
     """Largest deflection over its limit under a command that stays, ringing afterwards included; or the first that is
     at least `enough`."""
-    peak = _steps(modes, i, command, lag, _AHEAD * _STEPS, rate, swing, enough)
+    peak = _steps(modes, i, command, lag, _AHEAD * STEPS, rate, swing, enough)
     for m in range(swing.shape[0]):
         peak = max(peak, np.hypot(swing[m, 0], swing[m, 1]) / modes.limit[i, m])
     return peak
@@ -201,7 +211,7 @@ def peaks_of_turns_many(modes, choices, lag, decisions, peaks):
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
             turned[:], turned_swing[:] = modes.rate[i], modes.swing[i]
-            first = _steps(modes, i, choices[i, c], lag, decisions * _STEPS, turned, turned_swing, np.inf)
+            first = _steps(modes, i, choices[i, c], lag, decisions * STEPS, turned, turned_swing, np.inf)
             least = np.inf
             for after in range(choices.shape[1]):
                 rate[:], swing[:] = turned, turned_swing

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from satid_gym.core.algebra import add, cross, inverse, multiply
+from satid_gym.core.algebra import add, cross, inverse, load_symmetric, multiply
 from satid_gym.core.belief import filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
@@ -31,6 +31,7 @@ MODE_PARTS = {
     "coupling_std": 1,
     "damping": 1,
     "damping_std": 1,
+    "centrifugal": 6,
 }
 """Sizes of what is observed of a mode, in order."""
 MODE_PLACES = dict(zip(MODE_PARTS, np.cumsum([0, *MODE_PARTS.values()]).tolist(), strict=False))
@@ -208,6 +209,9 @@ def _observe_modes(belief, task, omega, out, i):
         i = write(out, i, log_share(np.sqrt(covariance[at + 3, at + 3])))
         i = write(out, i, log_share(own.zeta[m]))
         i = write(out, i, log_share(np.sqrt(covariance[at + 4, at + 4])))
+        pull = 0.5 * task.rate_limit**2 / own.w[m] ** 2 * own.frequency[m] * per_rung
+        for slope in load_symmetric(own.D[m]):
+            i = write(out, i, pull * slope)
     return i
 
 

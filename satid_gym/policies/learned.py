@@ -36,7 +36,7 @@ FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _OWN = (
     *("name", "control", "margin", "include_covariance", "observation", "include_walk"),
-    *("repeat", "spares_modes", "corner_features", "settle"),
+    *("repeat", "spares_modes", "corner_features", "settle", "is_shaped"),
 )
 _HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 
@@ -59,6 +59,8 @@ class LearnedPolicy:
             `satid_gym.control.corners.features.FEATURES`; the open corner with the highest score is flown.
         settle: s before an imaging window opens at which such a policy, which flies in the gaps between windows, is on
             the target.
+        is_shaped: whether such a policy goes to its corner only as far in each decision as panels allow, see
+            `satid_gym.control.mode_shaping`, in place of flying open corners only.
 
     Attributes:
         tour: of a policy that scores corners, from `reset` on.
@@ -85,6 +87,7 @@ class LearnedPolicy:
         spares_modes: bool = False,
         corner_features: Sequence[str] = (),
         settle: float = SETTLE,
+        is_shaped: bool = False,
     ) -> None:
         for what, given, known in (("control", control, CONTROLS), ("observation", observation, get_args(Form))):
             if given not in known:
@@ -106,6 +109,7 @@ class LearnedPolicy:
         self.include_covariance = check_flag("include_covariance of a learned policy", include_covariance)
         self.include_walk = check_flag("include_walk of a learned policy", include_walk)
         self.spares_modes = check_flag("spares_modes of a learned policy", spares_modes)
+        self.is_shaped = check_flag("is_shaped of a learned policy", is_shaped)
         self.name, self.network, self.control, self.margin = name, network, control, margin
         self.repeat, self.details = check_integer("repeat of a learned policy", repeat), dict(details or {})
 
@@ -122,7 +126,8 @@ class LearnedPolicy:
             )
         self._layout, self._decisions = mission.layout, 0
         if self.corner_features:
-            self.tour = CornerTour([mission], self.margin, features=self.corner_features, settle=self.settle)
+            own = {"features": self.corner_features, "settle": self.settle, "is_shaped": self.is_shaped}
+            self.tour = CornerTour([mission], self.margin, **own)
             self.tour.begin(len(seeds))
             return
         self._network = fitted(self.network, mission.layout)
@@ -227,7 +232,7 @@ class LearnedPolicy:
         try:
             own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
             later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
-            later |= {"spares_modes": False, "corner_features": (), "settle": SETTLE}
+            later |= {"spares_modes": False, "corner_features": (), "settle": SETTLE, "is_shaped": False}
             return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error

@@ -28,12 +28,14 @@ class NearestMode(NamedTuple):
         direction: (N, 3) unit vector of d.
         deflection, speed: (N, 1) eta and deta/dt / w, over the limit.
         frequency: (N, 1) ln(w T).
+        pull: (N, 8) deflection to which the rotation of a corner pulls it, over the limit.
     """
 
     direction: np.ndarray
     deflection: np.ndarray
     speed: np.ndarray
     frequency: np.ndarray
+    pull: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,12 +170,14 @@ class Choice:
         modes = self.modes
         if modes.limit.shape[1] == 0:
             none = np.zeros((len(modes.limit), 1))
-            return NearestMode(np.zeros((len(none), 3)), none, none, none)
+            return NearestMode(np.zeros((len(none), 3)), none, none, none, none)
         over = modes.swing / modes.limit[:, :, None]
         row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
         deflection, speed = over[row, nearest].T[:, :, None]
         frequency = np.log(np.maximum(modes.turned[row, nearest], _SLOWEST))[:, None]
-        return NearestMode(modes.direction[row, nearest], deflection, speed, frequency)
+        pulled = np.stack([modes.pulled(self.corners[:, k]) for k in range(self.corners.shape[1])], axis=1)
+        pull = pulled[row, :, nearest] / modes.limit[row, nearest][:, None]
+        return NearestMode(modes.direction[row, nearest], deflection, speed, frequency, pull)
 
     @cached_property
     def drive(self) -> np.ndarray:

@@ -68,6 +68,9 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "drive_frequency": lambda c: np.abs(c.drive) * c.mode.frequency,
     "drive_deflection": lambda c: c.drive * c.mode.deflection,
     "drive_speed": lambda c: c.drive * c.mode.speed,
+    "pull": lambda c: np.abs(c.mode.pull),
+    "pull_deflection": lambda c: c.mode.pull * c.mode.deflection,
+    "pull_speed": lambda c: c.mode.pull * c.mode.speed,
     "reversals_closing": lambda c: c.count * c.closing,
     "any_closing": lambda c: c.some * c.closing,
     "gain_closing": lambda c: c.complete_gain * c.closing,
@@ -80,7 +83,7 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "stars_onward": lambda c: c.onward,
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
-_OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive")
+_OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive", "pull")
 _OF_STARS = ("stars",)
 _OF_WINDOWS = ("closing", "towards")
 
@@ -93,9 +96,12 @@ RIGID = _without(*_OF_MODES, *_OF_STARS, *_OF_WINDOWS)
 """Those that a satellite without panels, tanks and star tracker has, wherever it flies."""
 
 
-def features_of(scenario: Scenario) -> tuple[str, ...]:
-    """Features that a scenario has: those of modes, of stars and of imaging windows where there are any."""
-    absent: list[str] = []
+def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:
+    """Features that a scenario has: those of modes, of stars and of imaging windows where there are any.
+
+    Of modes a shaped tour takes no peaks: it does not foresee any.
+    """
+    absent = ["peak"] if is_shaped else []
     if scenario.appendages is None:
         absent += _OF_MODES
     if scenario.sensors is None or scenario.sensors.star_tracker is None:

@@ -4,7 +4,10 @@ At a corner all three body rates are at their limit, where they tell most of the
 decides how far a mode bends: the parts of their changes along its d add up or cancel. And a tank moves so slowly that
 it does not follow a rate which soon turns back. So those corners are open from which, a decision later, some corner
 can be kept for good with every mode inside its limit (`satid_gym.control.observed_modes`): there is then a way to go
-on. Of these the one with the highest score is taken; where none is open, the one that bends the modes least. Where
+on. Of these the one with the highest score is taken; where none is open, the one that bends the modes least.
+
+Panels ring several times while a corner is approached. A shaped tour therefore goes there only as far in each decision
+as they allow (`satid_gym.control.mode_shaping`); all corners are then open, each made as small as its pull needs. Where
 there are imaging windows, it is flown in the gaps between them (`satid_gym.control.gaps`).
 """
 
@@ -23,7 +26,8 @@ from satid_gym.control.corners.star_fixes import StarFixes
 from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
 from satid_gym.control.gaps import SETTLE, Gaps
-from satid_gym.control.observed_modes import ObservedModes
+from satid_gym.control.mode_shaping import bearable, shaped
+from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.policy import Mission
 
@@ -53,6 +57,22 @@ class Memory(NamedTuple):
         return Memory(self.side[rows], self.waited[rows], modes, fixes, gaps)
 
 
+class Ways(NamedTuple):
+    """Ways to the corners from where N episodes are.
+
+    Attributes:
+        corners: (N, 8, 3) rates over the limit.
+        rates: (N, 8, 3) of the next decision.
+        peak: (N, 8) of the modes, over their limit; above 1 a way is closed.
+        most: (N, 3) change of the rate in a decision that the modes allow; or infinite.
+    """
+
+    corners: np.ndarray
+    rates: np.ndarray
+    peak: np.ndarray
+    most: np.ndarray
+
+
 class CornerTour:
     """Chooses corners and turns them into actions that spare the modes; for environments whose rate loop is their own.
 
@@ -63,6 +83,7 @@ class CornerTour:
         share, caution: see `ObservedModes`.
         features: that a score takes, by name.
         settle: s before an imaging window opens at which the target is to be held, where there are any.
+        is_shaped: whether each decision goes towards a corner as far as the modes allow.
 
     Attributes:
         side: (N, 3) of each axis, -1 or 1.
@@ -81,7 +102,9 @@ class CornerTour:
         caution: float = 1.0,
         features: Sequence[str] = (),
         settle: float = SETTLE,
+        is_shaped: bool = False,
     ) -> None:
+        self._share = share if is_shaped else None
         self._hold = check_number("hold", hold, strict=True)
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
         self._gaps = None if missions[0].scenario.operations is None else Gaps(missions, margin, settle, "a tour")
@@ -151,34 +174,55 @@ class CornerTour:
 
         Where there are imaging windows, an episode that `leaves` (N,) begins to slew to the next one now.
         """
-        corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
-        corners = np.broadcast_to(corners, (len(observation), *CORNERS.shape))
         modes = self._modes.read(observation)
-        peak = self._modes.peaks_of_turns(modes, corners)
+        ways = (self._open_ways if self._share is None else self._shaped_ways)(observation, modes)
         reverses = self.side[:, None] != CORNERS
         scores = self._waits(reverses)
         if self._fixes is not None:
             self._fixes.update(observation)
         if score is not None:
+            seen = {name: observation[:, self._layout[name]].astype(float) for name in self._seen}
+            seen["control_authority"] = np.minimum(seen["control_authority"], ways.most)
             choice = Choice(
-                seen={name: observation[:, self._layout[name]].astype(float) for name in self._seen},
+                seen=seen,
                 craft=self._craft,
-                corners=corners,
+                corners=ways.corners,
                 reverses=reverses,
                 waited=self._waited,
                 wait_score=scores,
                 fixes=self._fixes,
                 modes=modes,
                 foreseen=self._modes,
-                peak=peak,
+                peak=ways.peak,
                 period=self._world.decision_period,
                 decisions=self._world.decisions,
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
-        episodes, best = np.arange(len(corners)), np.argmax(np.where(peak <= 1.0, scores, -_CLOSED * peak), axis=1)
+        best = np.argmax(np.where(ways.peak <= 1.0, scores, -_CLOSED * ways.peak), axis=1)
         self._turn(CORNERS[best])
-        action = corners[episodes, best]
+        action = ways.rates[np.arange(len(best)), best]
         return action if self._gaps is None else self._gaps(observation, action, leaves)
+
+    def _corners(self, observation: np.ndarray) -> np.ndarray:
+        """Corners (N, 8, 3) that noise leaves inside the rate limit."""
+        corners = CORNERS * self._allowed(observation, np.ones(3))[:, None]
+        return np.broadcast_to(corners, (len(observation), *CORNERS.shape))
+
+    def _open_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
+        """Ways straight to the corners."""
+        corners = self._corners(observation)
+        return Ways(corners, corners, self._modes.peaks_of_turns(modes, corners), np.array(np.inf))
+
+    def _shaped_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
+        """Ways to the corners that spare the modes; all are open."""
+        assert self._share is not None
+        edges, each = self._corners(observation), np.repeat(np.arange(len(observation)), len(CORNERS))
+        corners = bearable(modes, edges)
+        held = observation[:, self._layout["command"]].astype(float)
+        edge, wanted = np.abs(edges).reshape(-1, 3), corners.reshape(-1, 3)
+        rates, most = shaped(modes.of(each), held[each], wanted, edge, self._share)
+        peak = np.zeros(corners.shape[:2])
+        return Ways(corners, rates.reshape(corners.shape), peak, most[:: len(CORNERS)])
 
     def _turn(self, side: np.ndarray) -> None:
         """Note that the axes turn to these sides (N, 3) now."""
