@@ -17,8 +17,9 @@ from safetensors.numpy import save
 
 from agents.training.ppo import PPOSettings
 from agents.training.sb3 import checkpoint
-from satid_gym.policies.learned import FILE_SIZE_MAX, LearnedPolicy
+from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
+from satid_gym.policies.policy_file import FILE_SIZE_MAX
 from satid_gym.policies.shipped import PRETRAINED, names
 from tests.cases import case
 
@@ -157,7 +158,7 @@ def test_networks_that_are_none_are_refused(tmp_path):
 def test_heads_that_describe_no_policy_are_refused(tmp_path):
     for head in NO_HEADS:
         path = written(tmp_path, save(network()), **head)
-        with case(head), pytest.raises(ValueError, match=r"x\.json describes no policy"):
+        with case(head), pytest.raises(ValueError, match=r"x describes no policy"):
             LearnedPolicy.load(path)
 
 

@@ -25,10 +25,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.control.observed_modes import STEPS, Modes
+from satid_gym.control.observed_modes import STEPS, Modes, pulled_by
+from satid_gym.core.algebra import dot, load
+from satid_gym.core.jit import inline, kernel, outline
 
 _LARGE = 1e6  # cost of what does not spare it
-_CHOICES = np.linspace(-1.0, 1.0, 41)  # of the largest change
+_CHOICES = 20  # to either side, of the largest change
 _TINY = 1e-12  # of a length, so that none is divided by 0
 _FARTHEST, _HALVINGS = 100.0, 45  # of a bisection, whose place is then known to some 1e-12
 _CHANGE_MAX = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction, in rate limits: all three reverse
@@ -37,63 +39,103 @@ _CHANGE_MAX = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction
 def shaped(
     modes: Modes, held: np.ndarray, wanted: np.ndarray, edge: np.ndarray, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rates for the next decision, (N, 3) over the limit, as near to the wanted ones as spares the modes.
+    """Rates for the next decision, over the limit, as near to the wanted ones as spares the modes.
 
     Args:
         modes: of N episodes.
         held: (N, 3) rates that are commanded now.
-        wanted: (N, 3) rates.
-        edge: (N, 3) or (3,) largest rates.
+        wanted: (N, K, 3) rates, K choices.
+        edge: (N, 3) largest rates.
         share: of the limits of deflection, that of `modes`.
 
     Returns:
-        The rates, and (N, 3) the largest change about each axis that spares the modes when they are at rest.
+        The rates (N, K, 3), and (N, 3) the largest change about each axis that spares the modes when they are at rest.
     """
-    change, low, high = wanted - held, -edge - held, edge - held
-    most, pulled = np.full(change.shape, np.inf), modes.pulled(wanted)
-    for m in range(modes.limit.shape[1]):
-        direction = modes.direction[:, m]
-        given, largest = _spared(modes, m, (direction * change).sum(axis=1), pulled[:, m], share)
-        change = _turned_to(given, direction, change, low, high)
-        most = np.minimum(most, largest[:, None] / np.maximum(np.abs(direction), _TINY))
-    return held + np.clip(change, low, high), most
+    rates, most = np.empty(wanted.shape), np.full(held.shape, np.inf)
+    shape_many(modes, held, np.ascontiguousarray(wanted), edge, share, rates, most)
+    return rates, most
 
 
 def bearable(modes: Modes, rates: np.ndarray) -> np.ndarray:
     """Rates (N, K, 3) over the limit, made smaller where their rotation pulls a mode beyond its share of the limit."""
-    pulled = np.stack([modes.pulled(rates[:, k]) for k in range(rates.shape[1])], axis=1)
-    room = modes.limit[:, None] / np.maximum(np.abs(pulled), _TINY)
+    room = modes.limit[:, None] / np.maximum(np.abs(modes.pulled(rates)), _TINY)
     return rates * np.sqrt(np.minimum(room, 1.0)).min(axis=2, initial=1.0)[:, :, None]
 
 
-def _spared(
-    modes: Modes, m: int, wanted: np.ndarray, pulled: np.ndarray, share: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Change of the rate along d of mode m, (N,) in rate limits, nearest to the wanted one that spares the mode, and
-    the largest that does when the mode is at rest."""
-    bent, limit = np.maximum(modes.bent[:, m] / STEPS, _TINY), modes.limit[:, m]
-    most, reach = np.minimum(0.5 * limit / bent, _CHANGE_MAX), np.minimum(limit / share / bent, _CHANGE_MAX)
-    wide = reach[:, None] * _CHOICES  # for what rings beyond its share
-    choices = np.column_stack([2.0 * most[:, None] * _CHOICES, wide, np.clip(wanted, -reach, reach)])
-    centre = -choices * bent[:, None]
-    state = (modes.swing[:, m, 0] - pulled + 1j * modes.swing[:, m, 1])[:, None]
-    spared = np.abs(state - centre) + np.abs(centre) <= (limit - np.abs(pulled))[:, None]
-    left = np.abs(centre + (state - centre) * np.exp(-1j * modes.turned[:, m])[:, None])  # at rest after the decision
-    cost = np.where(spared, np.abs(choices - wanted[:, None]), _LARGE + left)
-    best = np.argmin(cost, axis=1)
-    return choices[np.arange(len(best)), best], most
+@kernel
+def shape_many(modes, held, wanted, edge, share, rates, most):
+    """See `shaped`."""
+    change, low, high = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(wanted.shape[0]):
+        for k in range(3):
+            low[k], high[k] = -edge[i, k] - held[i, k], edge[i, k] - held[i, k]
+        for m in range(modes.limit.shape[1]):
+            largest = _largest_at_rest(modes, i, m)
+            for k in range(3):
+                most[i, k] = min(most[i, k], largest / max(abs(modes.direction[i, m, k]), _TINY))
+        for c in range(wanted.shape[1]):
+            for k in range(3):
+                change[k] = wanted[i, c, k] - held[i, k]
+            for m in range(modes.limit.shape[1]):
+                given = _spared(modes, i, m, change, wanted[i, c], share)
+                _turn_to(given, modes.direction[i, m], change, low, high)
+            for k in range(3):
+                rates[i, c, k] = held[i, k] + min(max(change[k], low[k]), high[k])
 
 
-def _turned_to(
-    given: np.ndarray, direction: np.ndarray, change: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
-    """Nearest to a change (N, 3) of those within bounds that are `given` (N,) along a direction, or come nearest to it:
-    the change plus a multiple of the direction, cut to the bounds, which grows along the direction with the multiple.
-    """
-    least = np.full((len(change), 1), -_FARTHEST)
-    most = -least
+@inline
+def _bent_in_decision(modes, i, m):
+    """eta_0 by change of the rate along d in a decision."""
+    return max(modes.bent[i, m] / STEPS, _TINY)
+
+
+@inline
+def _largest_at_rest(modes, i, m):
+    """Largest change of the rate along d, rate limits, that spares mode m of episode i when it is at rest."""
+    return min(0.5 * modes.limit[i, m] / _bent_in_decision(modes, i, m), _CHANGE_MAX)
+
+
+@outline
+def _spared(modes, i, m, change, rate, share):
+    """Change of the rate along d, rate limits, nearest to that of a wanted change (3,) to a rate (3,), that spares mode
+    m of episode i."""
+    bent, limit, turned = _bent_in_decision(modes, i, m), modes.limit[i, m], modes.turned[i, m]
+    wanted, pulled = dot(load(modes.direction[i, m]), load(change)), pulled_by(modes, i, m, load(rate))
+    most, reach = _largest_at_rest(modes, i, m), min(limit / share / bent, _CHANGE_MAX)
+    x, y, room = modes.swing[i, m, 0] - pulled, modes.swing[i, m, 1], limit - abs(pulled)
+    cosine, sine = np.cos(turned), np.sin(turned)
+    best, least = 0.0, np.inf
+    for n in range(4 * _CHOICES + 3):  # of what it bears at rest, then of all, then what is wanted
+        if n <= 2 * _CHOICES:
+            choice = 2.0 * most * (n - _CHOICES) / _CHOICES
+        elif n <= 4 * _CHOICES + 1:
+            choice = reach * (n - 3 * _CHOICES - 1) / _CHOICES
+        else:
+            choice = min(max(wanted, -reach), reach)
+        centre = -choice * bent
+        off = x - centre
+        if np.sqrt(off * off + y * y) + abs(centre) <= room:
+            cost = abs(choice - wanted)
+        else:  # by the amplitude at rest after the decision
+            cost = _LARGE + np.hypot(centre + off * cosine + y * sine, y * cosine - off * sine)
+        if cost < least:
+            best, least = choice, cost
+    return best
+
+
+@outline
+def _turn_to(given, direction, change, low, high):
+    """Move a change (3,) to the nearest within bounds that is `given` along a direction, or comes nearest to it: the
+    change plus a multiple of the direction, cut to the bounds, which grows along the direction with the multiple."""
+    least, most = -_FARTHEST, _FARTHEST
     for _ in range(_HALVINGS):
         middle = 0.5 * (least + most)
-        found = (direction * np.clip(change + middle * direction, low, high)).sum(axis=1, keepdims=True)
-        least, most = np.where(found < given[:, None], middle, least), np.where(found < given[:, None], most, middle)
-    return np.clip(change + most * direction, low, high)
+        found = 0.0
+        for k in range(3):
+            found += direction[k] * min(max(change[k] + middle * direction[k], low[k]), high[k])
+        if found < given:
+            least = middle
+        else:
+            most = middle
+    for k in range(3):
+        change[k] = min(max(change[k] + most * direction[k], low[k]), high[k])

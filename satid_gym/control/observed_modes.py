@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from satid_gym.config import check_number
-from satid_gym.core.algebra import dot, load
+from satid_gym.core.algebra import dot, load, multiply
 from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES, observed_std
 from satid_gym.policy import Mission
@@ -52,11 +52,11 @@ class Modes(NamedTuple):
     limit: np.ndarray
     pull: np.ndarray
 
-    def pulled(self, rate: np.ndarray) -> np.ndarray:
-        """Deflection (N, modes) to which the rotation pulls the modes at rates (N, 3) over the limit."""
-        x, y, z = rate.T
-        squares = np.stack([x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z], axis=1)
-        return (self.pull * squares[:, None]).sum(axis=2)
+    def pulled(self, rates: np.ndarray) -> np.ndarray:
+        """Deflection (N, K, modes) to which the rotation pulls the modes at rates (N, K, 3) over the limit."""
+        x, y, z = np.moveaxis(rates, 2, 0)
+        squares = np.stack([x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z], axis=2)
+        return squares @ self.pull.transpose(0, 2, 1)
 
     def of(self, rows: np.ndarray) -> Modes:
         """Modes of some episodes."""
@@ -153,6 +153,13 @@ class ObservedModes:
             return peaks
         peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, decisions, peaks)
         return peaks
+
+
+@inline
+def pulled_by(modes, i, m, rate):
+    """Deflection to which the rotation pulls mode m of episode i at a rate over the limit."""
+    K = modes.pull[i, m]
+    return dot(rate, multiply((K[0], K[1], K[2], K[3], K[4], K[5]), rate))
 
 
 @inline

@@ -1,20 +1,13 @@
-"""Learned policies: small networks in NumPy, read from safetensors and JSON files; loading one executes no code.
-
-Files may come from untrusted sources: their sizes, names, shapes and values are checked before use.
-"""
+"""Learned policies: small networks in NumPy, in files that execute no code (`satid_gym.policies.policy_file`)."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from safetensors import SafetensorError
-from safetensors.numpy import load, save
 
 from satid_gym.config import check_flag, check_integer, check_number, unknown_name
 from satid_gym.control.corners.features import check_features
@@ -25,20 +18,17 @@ from satid_gym.control.gaps import SETTLE
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
-from satid_gym.files import read_json, write_bytes, write_text
 from satid_gym.policies.network import Network, NetworkMemory
+from satid_gym.policies.policy_file import read_policy, write_policy
 from satid_gym.policies.principal import fitted
 from satid_gym.policy import Kind, Mission
 from satid_gym.problem import CONTROLS
 
-FORMAT = 1
-FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _OWN = (
     *("name", "control", "margin", "include_covariance", "observation", "include_walk"),
     *("repeat", "spares_modes", "corner_features", "settle", "is_shaped"),
 )
-_HEAD = ("format", *_OWN, "activation", "squashed", "sha256")
 
 
 class LearnedPolicy:
@@ -126,8 +116,13 @@ class LearnedPolicy:
             )
         self._layout, self._decisions = mission.layout, 0
         if self.corner_features:
-            own = {"features": self.corner_features, "settle": self.settle, "is_shaped": self.is_shaped}
-            self.tour = CornerTour([mission], self.margin, **own)
+            self.tour = CornerTour(
+                [mission],
+                self.margin,
+                features=self.corner_features,
+                settle=self.settle,
+                is_shaped=self.is_shaped,
+            )
             self.tour.begin(len(seeds))
             return
         self._network = fitted(self.network, mission.layout)
@@ -196,11 +191,7 @@ class LearnedPolicy:
 
     def save(self, path: Path) -> None:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
-        tensors = save({name: np.ascontiguousarray(v) for name, v in self.network.tensors().items()})
-        last = self.network.activation, self.network.squashed, hashlib.sha256(tensors).hexdigest()
-        head = dict(zip(_HEAD, (FORMAT, *self.settings.values(), *last), strict=True))
-        write_bytes(_with_ending(path, ".safetensors"), tensors)
-        write_text(_with_ending(path, ".json"), json.dumps({**head, **self.details}, indent=2) + "\n")
+        write_policy(path, self.settings, self.network, self.details)
 
     @classmethod
     def load(cls, path: Path) -> LearnedPolicy:
@@ -210,32 +201,11 @@ class LearnedPolicy:
             FileNotFoundError: one of the two files is missing.
             ValueError: a file is damaged, of another format, without the checksum, or has invalid content.
         """
-        base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
-        tensors, text = _with_ending(base, ".safetensors"), _with_ending(base, ".json")
-        for file in (tensors, text):
-            if not file.is_file():
-                raise FileNotFoundError(f"no policy at {base}: {file} is missing; a policy is a pair of files")
-            if file.stat().st_size > FILE_SIZE_MAX:
-                raise ValueError(f"{file} has {file.stat().st_size} bytes, a policy at most {FILE_SIZE_MAX}")
-        head = read_json(text, "copy the policy again", keys=["format", "sha256"])
-        if head["format"] != FORMAT:
-            raise ValueError(f"{text} is not a policy of format {FORMAT}; train it again with this version")
-        content = tensors.read_bytes()
-        if head["sha256"] != hashlib.sha256(content).hexdigest():
-            raise ValueError(f"{tensors} is damaged or not of {text.name}: its checksum differs; copy both again")
-        details = {name: value for name, value in head.items() if name not in _HEAD}
+        settings, network, details = read_policy(path, _OWN)
         try:
-            choices = head.get("activation", "tanh"), head.get("squashed", False)  # older files lack them
-            network = Network.from_tensors(load(content), *choices)
-        except (SafetensorError, ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{tensors} holds no network: {error}; copy the policy again") from error
-        try:
-            own = (head["name"], network, head["control"], head["margin"], head.get("include_covariance", False))
-            later = {"observation": "wheels", "include_walk": False, "repeat": 1}  # likewise
-            later |= {"spares_modes": False, "corner_features": (), "settle": SETTLE, "is_shaped": False}
-            return cls(*own, details, **{name: head.get(name, usual) for name, usual in later.items()})
-        except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
+            return cls(network=network, details=details, **settings)  # older files lack some, which are the defaults
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{path} describes no policy: {error!s}; copy the policy again") from error
 
 
 def check_name(name: str) -> None:
@@ -249,7 +219,3 @@ def check_name(name: str) -> None:
             f"a policy's name is up to 64 letters, digits, dots, dashes and underscores, first a letter or digit; "
             f"got {name!r}"
         )
-
-
-def _with_ending(path: Path, ending: str) -> Path:
-    return path.with_name(path.name + ending)

@@ -71,8 +71,9 @@ class ShapedSquarePolicy:
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3)."""
         wave = self.amplitude * np.where(np.mod(self._phase, 1.0) < 0.5, 1.0, -1.0)
-        modes = self._modes.read(observation)
-        self._reference, slowest = shaped(modes, self._reference, wave, np.ones(3), self.share)
+        modes, edge = self._modes.read(observation), np.ones(wave.shape)
+        rates, slowest = shaped(modes, self._reference, wave[:, None], edge, self.share)
+        self._reference = rates[:, 0]
         period = np.maximum(self.period / self._duration, 4.0 * self.amplitude * (1.0 + self.dwell) / slowest)
         self._phase += 1.0 / period
         return self._allowed(observation, self._reference)

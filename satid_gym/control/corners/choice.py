@@ -175,8 +175,7 @@ class Choice:
         row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
         deflection, speed = over[row, nearest].T[:, :, None]
         frequency = np.log(np.maximum(modes.turned[row, nearest], _SLOWEST))[:, None]
-        pulled = np.stack([modes.pulled(self.corners[:, k]) for k in range(self.corners.shape[1])], axis=1)
-        pull = pulled[row, :, nearest] / modes.limit[row, nearest][:, None]
+        pull = modes.pulled(self.corners)[row, :, nearest] / modes.limit[row, nearest][:, None]
         return NearestMode(modes.direction[row, nearest], deflection, speed, frequency, pull)
 
     @cached_property

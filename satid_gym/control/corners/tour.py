@@ -216,13 +216,10 @@ class CornerTour:
     def _shaped_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
         """Ways to the corners that spare the modes; all are open."""
         assert self._share is not None
-        edges, each = self._corners(observation), np.repeat(np.arange(len(observation)), len(CORNERS))
-        corners = bearable(modes, edges)
-        held = observation[:, self._layout["command"]].astype(float)
-        edge, wanted = np.abs(edges).reshape(-1, 3), corners.reshape(-1, 3)
-        rates, most = shaped(modes.of(each), held[each], wanted, edge, self._share)
-        peak = np.zeros(corners.shape[:2])
-        return Ways(corners, rates.reshape(corners.shape), peak, most[:: len(CORNERS)])
+        edges = self._corners(observation)
+        corners, held = bearable(modes, edges), observation[:, self._layout["command"]].astype(float)
+        rates, most = shaped(modes, held, corners, np.abs(edges[:, 0]), self._share)
+        return Ways(corners, rates, np.zeros(corners.shape[:2]), most)
 
     def _turn(self, side: np.ndarray) -> None:
         """Note that the axes turn to these sides (N, 3) now."""
