@@ -135,8 +135,9 @@ def test_a_plan_reads_the_data_sheet_before_it_is_told_the_truth():
     first, _ = env.reset(seed=SEEDS)
     plan = ShapedPlan(POINTS)
     plan.reset(missions(env.problem)[0], SEEDS)
+    plan(plan.told(env, first))
+    w, size = np.moveaxis(plan._modes.state(), 2, 0)
     told = plan.told(env, first)
-    w, size = plan._sheet
     own = env.fleet.rows.beliefs["modes"]
     np.testing.assert_allclose(w, own["frequency"] * env.problem.scenario.decision_period, rtol=1e-6)
     np.testing.assert_allclose(size[:, 0], np.linalg.norm(own["coupling"][:, 0], axis=1), rtol=1e-6)

@@ -29,6 +29,7 @@ from satid_gym.control.observed_modes import STEPS, Modes, pulled_by
 from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, kernel, outline
 
+_SLACK = 1.0 + 1e-9  # what a mode at rest may be bent to is within its limit, however that is rounded
 _LARGE = 1e6  # cost of what does not spare it
 _CHOICES = 20  # to either side, of the largest change
 _TINY = 1e-12  # of a length, so that none is divided by 0
@@ -37,28 +38,29 @@ _CHANGE_MAX = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction
 
 
 def shaped(
-    modes: Modes, held: np.ndarray, wanted: np.ndarray, edge: np.ndarray, share: float
+    modes: Modes, held: np.ndarray, wanted: np.ndarray, edge: np.ndarray, share: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rates for the next decision, over the limit, as near to the wanted ones as spares the modes.
 
     Args:
-        modes: of N episodes.
+        modes: of N episodes, with their whole limits.
         held: (N, 3) rates that are commanded now.
         wanted: (N, K, 3) rates, K choices.
         edge: (N, 3) largest rates.
-        share: of the limits of deflection, that of `modes`.
+        share: of the limits that is used, (N,) or the same for all.
 
     Returns:
         The rates (N, K, 3), and (N, 3) the largest change about each axis that spares the modes when they are at rest.
     """
     rates, most = np.empty(wanted.shape), np.full(held.shape, np.inf)
+    share = np.broadcast_to(np.asarray(share, float), len(held))
     shape_many(modes, held, np.ascontiguousarray(wanted), edge, share, rates, most)
     return rates, most
 
 
-def bearable(modes: Modes, rates: np.ndarray) -> np.ndarray:
-    """Rates (N, K, 3) over the limit, made smaller where their rotation pulls a mode beyond its share of the limit."""
-    room = modes.limit[:, None] / np.maximum(np.abs(modes.pulled(rates)), _TINY)
+def bearable(modes: Modes, rates: np.ndarray, share: float) -> np.ndarray:
+    """Rates (N, K, 3) over the limit, made smaller where their rotation pulls a mode beyond a share of its limit."""
+    room = share * modes.limit[:, None] / np.maximum(np.abs(modes.pulled(rates)), _TINY)
     return rates * np.sqrt(np.minimum(room, 1.0)).min(axis=2, initial=1.0)[:, :, None]
 
 
@@ -70,14 +72,14 @@ def shape_many(modes, held, wanted, edge, share, rates, most):
         for k in range(3):
             low[k], high[k] = -edge[i, k] - held[i, k], edge[i, k] - held[i, k]
         for m in range(modes.limit.shape[1]):
-            largest = _largest_at_rest(modes, i, m)
+            largest = _largest_at_rest(modes, i, m, share[i])
             for k in range(3):
                 most[i, k] = min(most[i, k], largest / max(abs(modes.direction[i, m, k]), _TINY))
         for c in range(wanted.shape[1]):
             for k in range(3):
                 change[k] = wanted[i, c, k] - held[i, k]
             for m in range(modes.limit.shape[1]):
-                given = _spared(modes, i, m, change, wanted[i, c], share)
+                given = _spared(modes, i, m, change, wanted[i, c], share[i])
                 _turn_to(given, modes.direction[i, m], change, low, high)
             for k in range(3):
                 rates[i, c, k] = held[i, k] + min(max(change[k], low[k]), high[k])
@@ -90,9 +92,9 @@ def _bent_in_decision(modes, i, m):
 
 
 @inline
-def _largest_at_rest(modes, i, m):
+def _largest_at_rest(modes, i, m, share):
     """Largest change of the rate along d, rate limits, that spares mode m of episode i when it is at rest."""
-    return min(0.5 * modes.limit[i, m] / _bent_in_decision(modes, i, m), _CHANGE_MAX)
+    return min(0.5 * share * modes.limit[i, m] / _bent_in_decision(modes, i, m), _CHANGE_MAX)
 
 
 @outline
@@ -101,8 +103,8 @@ def _spared(modes, i, m, change, rate, share):
     m of episode i."""
     bent, limit, turned = _bent_in_decision(modes, i, m), modes.limit[i, m], modes.turned[i, m]
     wanted, pulled = dot(load(modes.direction[i, m]), load(change)), pulled_by(modes, i, m, load(rate))
-    most, reach = _largest_at_rest(modes, i, m), min(limit / share / bent, _CHANGE_MAX)
-    x, y, room = modes.swing[i, m, 0] - pulled, modes.swing[i, m, 1], limit - abs(pulled)
+    most, reach = _largest_at_rest(modes, i, m, share), min(limit / bent, _CHANGE_MAX)
+    x, y, room = modes.swing[i, m, 0] - pulled, modes.swing[i, m, 1], _SLACK * share * limit - abs(pulled)
     cosine, sine = np.cos(turned), np.sin(turned)
     best, least = 0.0, np.inf
     for n in range(4 * _CHOICES + 3):  # of what it bears at rest, then of all, then what is wanted

@@ -14,7 +14,7 @@ from satid_gym.config import check_number
 from satid_gym.control.mode_shaping import shaped
 from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.control.rate_loop import RateMargin
-from satid_gym.policy import Kind, Mission
+from satid_gym.policy import Kind, Mission, check_commands_rates
 
 _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period
 
@@ -63,7 +63,8 @@ class ShapedSquarePolicy:
         Raises:
             ValueError: the environment takes torques, or the satellite has modes that are not observed.
         """
-        self._modes = ObservedModes([mission], self.share, self.caution)
+        check_commands_rates(mission, self.name)
+        self._modes = ObservedModes([mission], 1.0, self.caution)
         self._allowed, self._duration = RateMargin([mission], self.margin), mission.scenario.decision_period
         self._phase = np.zeros((len(seeds), 3)) + 0.5 * self._duration / self.period + _STAGGER
         self._reference = np.zeros((len(seeds), 3))

@@ -22,6 +22,8 @@ _KNOWN = -BOUND  # observed standard deviation of what is known exactly
 def with_true_modes(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:
     """Observations in which frequency and deflection of the only mode, that of one tank or mirrored pair, are true.
 
+    What the rotation pulls it to goes with the frequency.
+
     Its deflection is that of the pair's mean times the limit of eta over that of angle or travel; the mass in both is
     the filter's, and what a policy does with their ratio is free of it.
     """
@@ -36,6 +38,7 @@ def with_true_modes(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.n
         part[:, 0, places["deflection"]] = o["deflection"].mean(axis=1) * eta * nominal / rung
         part[:, 0, places["deflection_rate"]] = o["speed"].mean(axis=1) * eta / rung
     cycles = nominal * o["scale"][:, 0, _FREQUENCY] * env.problem.scenario.decision_period / (2.0 * np.pi)
+    part[:, 0, places["centrifugal"] :] *= (part[:, [0], places["frequency"]] / cycles[:, None]) ** 2
     part[:, 0, places["frequency"]], part[:, 0, places["frequency_std"]] = cycles, _KNOWN
     told[:, env.problem.layout["modes"]] = part.reshape(len(told), -1)
     return told
@@ -63,9 +66,11 @@ class ShapedPlan(ShapedSquarePolicy):
         """Prepare, each episode with its own phase."""
         super().reset(mission, seeds)
         self._phase += 0.25 * self._shift
+        self._begins = True
 
     def told(self, env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:
         """What it observes, with true modes; the first observation has their data sheet, which it notes."""
-        if self._sheet is None:
-            self.note_sheet(observation)
+        if self._begins:
+            self._begins = False
+            return observation
         return with_true_modes(env, observation)

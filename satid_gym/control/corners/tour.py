@@ -104,7 +104,7 @@ class CornerTour:
         settle: float = SETTLE,
         is_shaped: bool = False,
     ) -> None:
-        self._share = share if is_shaped else None
+        self._share, self._is_shaped = share, is_shaped
         self._hold = check_number("hold", hold, strict=True)
         self._modes, self._allowed = ObservedModes(missions, share, caution), RateMargin(missions, margin)
         self._gaps = None if missions[0].scenario.operations is None else Gaps(missions, margin, settle, "a tour")
@@ -175,7 +175,7 @@ class CornerTour:
         Where there are imaging windows, an episode that `leaves` (N,) begins to slew to the next one now.
         """
         modes = self._modes.read(observation)
-        ways = (self._open_ways if self._share is None else self._shaped_ways)(observation, modes)
+        ways = (self._shaped_ways if self._is_shaped else self._open_ways)(observation, modes)
         reverses = self.side[:, None] != CORNERS
         scores = self._waits(reverses)
         if self._fixes is not None:
@@ -215,10 +215,10 @@ class CornerTour:
 
     def _shaped_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
         """Ways to the corners that spare the modes; all are open."""
-        assert self._share is not None
-        edges = self._corners(observation)
-        corners, held = bearable(modes, edges), observation[:, self._layout["command"]].astype(float)
-        rates, most = shaped(modes, held, corners, np.abs(edges[:, 0]), self._share)
+        edges, whole = self._corners(observation), modes._replace(limit=modes.limit / self._share)
+        corners = bearable(whole, edges, self._share)
+        held = observation[:, self._layout["command"]].astype(float)
+        rates, most = shaped(whole, held, corners, np.abs(edges[:, 0]), self._share)
         return Ways(corners, rates, np.zeros(corners.shape[:2]), most)
 
     def _turn(self, side: np.ndarray) -> None:

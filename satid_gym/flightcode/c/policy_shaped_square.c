@@ -1,4 +1,5 @@
-/* Square waves of body rate whose reversals spare the modes; see satid_gym.policies.shaped_square. */
+/* Square waves of body rate whose reversals spare the modes; see satid_gym.policies.shaped_square and
+   satid_gym.control.mode_shaping. */
 #include "satid_policy.h"
 
 #include <string.h>
@@ -7,15 +8,16 @@
 
 #define PI 3.141592653589793
 #define BOUND 10.0      /* of what is observed */
+#define SLACK (1.0 + 1e-9) /* however the limit is rounded */
 #define LARGE 1e6       /* cost of what does not spare a mode */
 #define TINY 1e-12      /* of a length, so that none is divided by 0 */
 #define FARTHEST 100.0  /* of a bisection */
 #define HALVINGS 45
 #define CHANGE_MAX (2.0 * sqrt(3.0))
 #define SIDE 41         /* choices of a change of rate, of each kind */
-#define PARTS 11        /* numbers observed of a mode */
+#define PARTS 17        /* numbers observed of a mode */
 
-enum { DEFLECTION, DEFLECTION_RATE, DEFLECTION_LIMIT, FREQUENCY, FREQUENCY_STD, COUPLING };
+enum { DEFLECTION, DEFLECTION_RATE, DEFLECTION_LIMIT, FREQUENCY, FREQUENCY_STD, COUPLING, CENTRIFUGAL = 11 };
 
 static const double MOMENTS[3] = SATID_MOMENTS; /* kg m^2, of the prior */
 
@@ -37,22 +39,32 @@ static void read_coupling(const float *observation, const float *mode, double d[
     }
 }
 
-/* Change of the rate along d nearest to the wanted one that spares the mode; the largest that does of one at rest. */
-static double spare(const float *mode, double nominal, double growth, double wanted, double *most)
+/* Deflection to which a rotation pulls the mode, were it as quick as is estimated. */
+static double pull_of(const float *mode, const double rate[3])
 {
-    const double turned = 2.0 * PI * (double)mode[FREQUENCY] * exp(-SATID_CAUTION * pow(10.0, (double)mode[FREQUENCY_STD] - 2.0));
+    const float *k = mode + CENTRIFUGAL;
+    const double x = rate[0], y = rate[1], z = rate[2];
+    return (double)k[0] * x * x + (double)k[1] * y * y + (double)k[2] * z * z
+           + 2.0 * ((double)k[3] * x * y + (double)k[4] * x * z + (double)k[5] * y * z);
+}
+
+/* Change of the rate along d nearest to the wanted one that spares the mode; the largest that does of one at rest. */
+static double spare(const float *mode, double nominal, double growth, double wanted, double pull, double *most)
+{
+    const double slower = exp(-SATID_CAUTION * pow(10.0, (double)mode[FREQUENCY_STD] - 2.0));
+    const double turned = 2.0 * PI * (double)mode[FREQUENCY] * slower, pulled = pull / (slower * slower);
     const double limited = (double)mode[DEFLECTION_LIMIT];
     const double given = limited > 0.0 && limited < BOUND ? limited : (double)INFINITY;
     const double bent = fmax(growth * nominal / (turned * turned), TINY), limit = SATID_SHARE * given;
     const double reach = fmin(given / bent, CHANGE_MAX);
-    const double x = (double)mode[DEFLECTION], y = (double)mode[DEFLECTION_RATE] * nominal / turned;
+    const double x = (double)mode[DEFLECTION] - pulled, y = (double)mode[DEFLECTION_RATE] * nominal / turned;
     double best = 0.0, least = INFINITY;
     *most = fmin(0.5 * limit / bent, CHANGE_MAX);
     for (int i = 0; i < 2 * SIDE + 1; i++) {
         const double share = i % SIDE == SIDE - 1 ? 1.0 : -1.0 + (i % SIDE) * 0.05;
         const double choice = i < SIDE ? 2.0 * *most * share : i < 2 * SIDE ? reach * share : clip(wanted, -reach, reach);
         const double centre = -choice * bent, out = x - centre;
-        const bool spared = hypot(out, y) + fabs(centre) <= limit;
+        const bool spared = hypot(out, y) + fabs(centre) <= SLACK * limit - fabs(pulled);
         const double real = centre + out * cos(turned) + y * sin(turned), imaginary = y * cos(turned) - out * sin(turned);
         const double cost = spared ? fabs(choice - wanted) : LARGE + hypot(real, imaginary);
         if (cost < least) {
@@ -94,10 +106,11 @@ void satid_policy_reset(satid_policy *policy)
 
 void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERVATION], double action[SATID_ACTIONS])
 {
-    double change[3], low[3], high[3], slowest[3];
+    double wave[3], change[3], low[3], high[3], slowest[3];
     for (int i = 0; i < 3; i++) {
         const double side = fmod(policy->phase[i], 1.0) < 0.5 ? 1.0 : -1.0;
-        change[i] = SATID_AMPLITUDE * side - policy->reference[i];
+        wave[i] = SATID_AMPLITUDE * side;
+        change[i] = wave[i] - policy->reference[i];
         low[i] = -1.0 - policy->reference[i];
         high[i] = 1.0 - policy->reference[i];
         slowest[i] = INFINITY;
@@ -114,7 +127,8 @@ void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERV
         for (int i = 0; i < 3; i++) {
             d[i] /= fmax(size, TINY);
         }
-        given = spare(mode, policy->nominal[m], size / fmax(policy->size[m], TINY), dot(d, change), &most);
+        given = spare(mode, policy->nominal[m], size / fmax(policy->size[m], TINY), dot(d, change), pull_of(mode, wave),
+                      &most);
         turn_to(given, d, change, low, high);
         for (int i = 0; i < 3; i++) {
             slowest[i] = fmin(slowest[i], most / fmax(fabs(d[i]), TINY));
