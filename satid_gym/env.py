@@ -76,7 +76,7 @@ limit for momentum, prior std for torque, limits for rate and wheel speeds; -10 
 without the 3 x p block that `correlation` holds |
 
     ## Observation in the body frame
-    `observation="body"`: `Box(-10, 10, (25 + 5 p + 11 m,), float32)` for a filter that estimates m modes of panels and
+    `observation="body"`: `Box(-10, 10, (25 + 5 p + 17 m,), float32)` for a filter that estimates m modes of panels and
     slosh, 40 numbers for p = 3 and m = 0. The wheels' effect on the body replaces the state of each wheel, so that size
     and meaning do not depend on the number of wheels (except for the last two parts, with the RateEKF or tolerances of
     the wheels). The first three parts below take the places of `wheel_speed` and `command`, the others follow
@@ -92,7 +92,7 @@ limit, by the belief and least-norm wheel momentum; above 1 a wheel may saturate
 axis, abs(A) u_max; under control="rate" the action |
     | nis | 1 | log10 of the decision's mean normalised innovation squared, per degree of freedom: about 0 when \
 consistent, and 0 without an update |
-    | modes | 11 m | for each mode, the numbers of the next table |
+    | modes | 17 m | for each mode, the numbers of the next table |
 
     ## Modes in the observation
     eta is the mode's deflection, d its coupling, w its frequency in rad/s, zeta its damping ratio, as in
@@ -111,6 +111,8 @@ the axis of d oscillates up to 1, a reversal up to 2 |
     | coupling_std | 1 | log10(filter's std of log abs(d)) + 2; -10 where it is 0 |
     | damping | 1 | log10(zeta) + 2; -10 where it is 0 |
     | damping_std | 1 | log10(filter's std of log zeta) + 2; -10 where it is 0 |
+    | centrifugal | 6 | xx, yy, zz, xy, xz, yz of the matrix K: body rates r over their limit, where they stay, pull the \
+mode to `deflection` r K r |
 
     ## Attitude in the observation
     With a star tracker both forms have these after the parts above, before those of `include_covariance`, in which the

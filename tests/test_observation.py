@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 
 from satid_gym import SATELLITES, Panel, ReactionWheels, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym.appendages import panel_pair
 from satid_gym.core import kernels
 from satid_gym.core.belief.modes import bend
 from satid_gym.core.observation import BOUND, MODE_PARTS, layout
@@ -73,9 +74,9 @@ def test_layout_is_contiguous_and_fills_the_space():
     for n, p, modes in ((3, 3, 0), (4, 6, 0), (8, 6, 3)):
         parts = list(layout(n, p, form="body", mode_count=modes).values())
         assert all(a.stop == b.start for a, b in itertools.pairwise(parts))
-        assert parts[-1].stop == 25 + 5 * p + 11 * modes
+        assert parts[-1].stop == 25 + 5 * p + 17 * modes
     env = SatInertiaIDEnv(FLEXIBLE, observation="body")
-    assert env.observation_space.shape == (51,)
+    assert env.observation_space.shape == (57,)
     assert env.layout == layout(3, 3, form="body", mode_count=1)
     rigid = SatInertiaIDEnv(FLEXIBLE, estimator={"name": "momentum", "flexible": False}, observation="body")
     assert rigid.observation_space.shape == (40,)
@@ -353,6 +354,8 @@ def test_modes_are_the_beliefs():
             "coupling_std": np.log10(std[12]) + 2.0,
             "damping": np.log10(mode.damping * np.exp(log_zeta)) + 2.0,
             "damping_std": -10.0,  # the data sheet says it is as nominal
+            "centrifugal": (np.exp(log_d) * mode.inertia_slope)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            * (0.5 * FLEXIBLE.rate_limit**2 / (w * np.exp(log_w)) ** 2 * w / rung),
         }
         seen = observation[env.layout["modes"]]
         for i, (name, value) in enumerate(expected.items()):
@@ -363,6 +366,29 @@ def test_modes_are_the_beliefs():
         assert shown[10] == -10.0
         np.testing.assert_array_equal(seen[places[5] : places[5] + 2], 0.0)  # panels turn z alone
         observation, *_ = env.step(rng.uniform(-0.3, 0.3, 3).astype(np.float32))
+
+
+@cases("side", [1.0, -1.0])
+def test_a_rotation_pulls_panels_as_far_as_is_observed(side):
+    """Rates about the panels' own axis and the third bend them for as long as they stay, by the simulated truth."""
+    panels = panel_pair(SATELLITES["microsat"], 0.1, 0, 2, frequency=0.1, damping=0.2, deflection_limit=0.01)
+    quiet = {"torque_noise": 0.0, "inertia_std": 0.0, "disturbance_scale": 0.0, "solar_pressure": 0.0}
+    env = SatInertiaIDEnv(
+        SATELLITES["microsat"].replace(oscillators=[panels]), "static", quiet, control="rate", observation="body"
+    )
+    env.reset(seed=0)
+    for _ in range(120):
+        observation, *_ = env.step(np.array([0.8, 0.8 * side, 0.0], np.float32))
+    seen, at = observation[env.layout["modes"]], np.cumsum([0, *MODE_PARTS.values()])
+    deflection, limit = seen[0], seen[2]
+    x, y, z = observation[env.layout["rate"]].astype(float)
+    K = dict(zip(("xx", "yy", "zz", "xy", "xz", "yz"), seen[at[-2] :], strict=True))
+    pulled = K["xx"] * x * x + K["yy"] * y * y + K["zz"] * z * z + 2.0 * (K["xy"] * x * y + K["xz"] * x * z)
+    pulled += 2.0 * K["yz"] * y * z
+    true = env.fleet.rows.plants["oscillators"]["deflection"].mean() / panels.deflection_limit
+    assert np.sign(true) == np.sign(pulled)
+    assert true == pytest.approx(pulled / limit, rel=0.05)
+    assert deflection == pytest.approx(pulled, rel=0.05)
 
 
 def test_a_limit_of_deflection_is_of_angle_whatever_the_mass():

@@ -135,7 +135,9 @@ def test_a_rotation_that_pulls_a_panel_leaves_less_room(share):
     mode.state, mode.omega = np.array([pulled, 0.0]), rate_limit * np.array([1.0, 1.0, 0.0])
     rate = rate_limit * square(seen(own, mode, mode))[0]
     np.testing.assert_allclose(rate[:2], rate_limit)
-    assert abs(rate[2]) == pytest.approx(0.5 * (share * mode.limit - pulled) * w**2 * own.scenario.decision_period / 0.4)
+    assert abs(rate[2]) == pytest.approx(
+        0.5 * (share * mode.limit - pulled) * w**2 * own.scenario.decision_period / 0.4
+    )
     mode.turn(rate, own.scenario.decision_period)
     mode.turn(rate, 20.0)
     assert 1.1 * pulled < mode.peak <= share * mode.limit * (1.0 + 1e-6)
