@@ -131,6 +131,9 @@ def test_a_network_of_the_waits_flies_as_the_baseline_and_goes_through_its_file(
     scored("waited").save(tmp_path / "toured")
     policy = LearnedPolicy.load(tmp_path / "toured")
     assert policy.corner_features == ("waited",)
+    assert not policy.is_shaped
+    scored("waited", is_shaped=True).save(tmp_path / "shaped")
+    assert LearnedPolicy.load(tmp_path / "shaped").is_shaped
     cell = Cell(scenario="slosh", satellite="microsat", inertia="periodic")
     found, expected = (flown(cell, own, seeds("validation", 3)) for own in (policy, build("corner_tour", {})))
     np.testing.assert_array_equal(found.expected, expected.expected)
@@ -142,6 +145,9 @@ def test_a_network_that_does_not_fit_corners_is_refused():
     network = Network((np.zeros((3, 5), np.float32),), (np.zeros(3, np.float32),))
     with pytest.raises(ValueError, match="2 features of corners"):
         LearnedPolicy("odd", network, "rate", 3.5, observation="body", corner_features=("waited", "gain"))
+    with pytest.raises(ValueError, match="is_shaped is of policies that score corners"):
+        LearnedPolicy("odd", Network((np.zeros((3, 40), np.float32),), (np.zeros(3, np.float32),)), "rate", 3.5,
+            observation="body", is_shaped=True)  # fmt: skip
     with pytest.raises(ValueError, match="at most once"):
         scored("waited", "waited")
     with pytest.raises(ValueError, match="wated"):

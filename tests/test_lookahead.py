@@ -104,13 +104,14 @@ def test_a_rollout_is_the_rehearsal_of_its_plan():
     np.testing.assert_array_equal(trail.beliefs["covariance"], [one.beliefs["covariance"][-1] for one in whole])
 
 
-@cases(("name", "scenario"), [("window_tour", "operations"), ("tank_tour", "slosh")])
+@cases(("name", "scenario"), [("window_tour", "operations"), ("tank_tour", "slosh"), ("panel_tour", "flex")])
 @pytest.mark.compiled
 def test_a_tour_goes_on_from_its_memory_in_any_row(name, scenario):
     """Side and waits, modes on the data sheet, star fixes, and the side on which it turns about the boresight."""
     policy = find(name)
     env, observation = begun(scenario, policy, inertia="periodic")
     mission, own = missions(env.problem)[0], {"features": policy.corner_features, "settle": policy.settle}
+    own["is_shaped"] = policy.is_shaped
     tour, other = (CornerTour([mission], policy.margin, **own) for _ in range(2))
     tour.begin(COUNT)
     other.begin(1)

@@ -1,4 +1,4 @@
-"""Tours of corners between imaging windows, and by what a star tracker has seen."""
+"""Tours of corners between imaging windows, by what a star tracker has seen, and by ways that panels allow."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ import pytest
 
 from baselines.scenarios.flights import Cell, flown
 from satid_gym import SCENARIOS, SatInertiaIDVectorEnv
+from satid_gym.control.corners.choice import Choice
 from satid_gym.control.corners.features import FEATURES, RIGID, features_of
 from satid_gym.control.corners.star_fixes import StarFixes
 from satid_gym.control.corners.tour import CORNERS, CornerTour
 from satid_gym.control.gaps import Gaps
+from satid_gym.control.mode_shaping import bearable
+from satid_gym.control.observed_modes import ObservedModes
+from satid_gym.core.observation import MODE_PARTS
 from satid_gym.evaluation import seeds
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
+from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import Mission, missions
 from satid_gym.problem import problem
@@ -77,14 +82,15 @@ def test_an_episode_that_leaves_slews_though_there_is_time():
     assert leaves[1] == 0.0
 
 
-def test_a_batch_of_satellites_flies_each_as_it_would_alone():
+@cases(("scenario", "is_shaped"), [("operations", False), ("flex", True)])
+def test_a_batch_of_satellites_flies_each_as_it_would_alone(scenario, is_shaped):
     names = ["cubesat", "microsat", "smallsat"]
-    env = SatInertiaIDVectorEnv(6, names, "static", "operations", num_threads=1, **SETTINGS)
+    env = SatInertiaIDVectorEnv(6, names, "static", scenario, num_threads=1, **SETTINGS)
     crew, rows = missions(env.problem), env.satellite_index
-    together = CornerTour(crew, 3.5)
+    together = CornerTour(crew, 3.5, is_shaped=is_shaped)
     together.assign(rows)
     together.begin(6)
-    alone = [CornerTour([crew[row]], 3.5) for row in rows]
+    alone = [CornerTour([crew[row]], 3.5, is_shaped=is_shaped) for row in rows]
     for tour in alone:
         tour.begin(1)
     observation, _ = env.reset(seed=list(range(6)))
@@ -93,9 +99,9 @@ def test_a_batch_of_satellites_flies_each_as_it_would_alone():
         action = together(observation)
         for i, tour in enumerate(alone):
             np.testing.assert_array_equal(tour(observation[[i]])[0], action[i])
-        turned += (np.abs(action).max(axis=1) < 0.9).any()
+        turned += (np.abs(action) < 0.9).any()
         observation, *_ = env.step(action)
-    assert turned > 10  # slews and holds were among them
+    assert turned > 10  # slews and holds, or steps on the way, were among them
     env.close()
 
 
@@ -202,3 +208,50 @@ def test_features_of_what_is_not_there_are_refused(feature, scenario, message):
     own = mission(scenario)
     with pytest.raises(ValueError, match=message):
         toured(**{feature: 1.0}).reset(own, [0])
+
+
+# ways that panels allow
+
+
+def bent(pull: float, frequency: float = 0.1) -> np.ndarray:
+    """Observation of panels at rest, hinged about z, that full rates about x and y pull to this multiple of the limit."""
+    own = mission("flex")
+    parts = dict.fromkeys(MODE_PARTS, 0.0) | {"frequency": frequency, "deflection_limit": 1.0}
+    parts |= {"frequency_std": -10.0, "coupling": [0.0, 0.0, 0.3], "centrifugal": [0.0, 0.0, 0.0, 0.5 * pull, 0.0, 0.0]}
+    modes = np.concatenate([np.zeros(MODE_PARTS[name]) + value for name, value in parts.items()])
+    return observed(own, time_left=1.0, modes=modes)
+
+
+@cases(("pull", "size"), [(0.5, 1.0), (0.9, 1.0), (1.8, np.sqrt(0.5)), (3.6, 0.5), (-3.6, 0.5)])
+def test_corners_are_as_small_as_the_pull_of_their_rotation_needs(pull, size):
+    modes = ObservedModes([mission("flex")], 1.0, 0.0).read(bent(pull))
+    corners = bearable(modes, CORNERS[None], 0.9)
+    np.testing.assert_allclose(corners[0], size * CORNERS, rtol=1e-12)
+    assert np.abs(modes.pulled(corners)).max() == pytest.approx(min(abs(pull), 0.9))
+
+
+def test_a_shaped_tour_turns_at_once_about_the_axes_that_bend_nothing():
+    own = mission("flex")
+    tour = CornerTour([own], 0.0, is_shaped=True)
+    tour.begin(1)
+    action = tour(bent(0.0))
+    np.testing.assert_array_equal(np.abs(action[0, :2]), 1.0)
+    assert 0.0 < abs(action[0, 2]) < 0.5
+
+
+def test_what_a_tour_takes_of_panels_is_of_the_mode_nearest_to_its_limit():
+    rates = np.array([[[1.0, -1.0, 0.5], [1.0, 1.0, 0.5]]])
+    modes = ObservedModes([mission("flex")], 1.0, 0.0).read(bent(0.8))
+    given = dict.fromkeys(("wait_score", "fixes", "foreseen", "peak", "craft", "waited", "reverses"))
+    choice = Choice(seen={}, corners=rates, modes=modes, period=1.0, decisions=300, **given)
+    np.testing.assert_allclose(choice.mode.pull, [[-0.8, 0.8]])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
+def test_the_tour_for_panels_keeps_the_limit_and_expects_less_than_square_waves(satellite):
+    cell, those = Cell(scenario="flex", satellite=satellite, inertia="static"), seeds("validation", 32)
+    learned, square = (flown(cell, policy, those) for policy in (find("panel_tour"), ShapedSquarePolicy()))
+    assert learned.inside(0.01)
+    assert 0.3 < learned.nees.mean() < 2.0
+    assert np.log(learned.expected).mean() < np.log(square.expected).mean()

@@ -100,6 +100,8 @@ class LearnedPolicy:
         self.include_walk = check_flag("include_walk of a learned policy", include_walk)
         self.spares_modes = check_flag("spares_modes of a learned policy", spares_modes)
         self.is_shaped = check_flag("is_shaped of a learned policy", is_shaped)
+        if self.is_shaped and not inputs:
+            raise ValueError("is_shaped is of policies that score corners: give corner_features, or spares_modes=True")
         self.name, self.network, self.control, self.margin = name, network, control, margin
         self.repeat, self.details = check_integer("repeat of a learned policy", repeat), dict(details or {})
 
