@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.in_the_gaps import InTheGaps
+from satid_gym.appendages import Panels
 from satid_gym.evaluation import seeds
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
@@ -122,9 +123,16 @@ def _lookaheads(scenario: str) -> list[Trial]:
             for edits, step in ((48, 1.0), (24, 0.5))
         ]
     else:
+        ring = isinstance(SCENARIOS[scenario].appendages, Panels)  # edits bend panels too far
         given = [
-            {"policy": "tank_tour", "horizon": 16, "tail": 5.0, "edits": edits, "caution": caution}
-            for edits in (0, 24)
+            {
+                "policy": "panel_tour" if ring else "tank_tour",
+                "horizon": 16,
+                "tail": 5.0,
+                "edits": edits,
+                "caution": caution,
+            }
+            for edits in ((0,) if ring else (0, 24))
             for caution in (0.0, 1.0, 2.0)
         ]
     return [(own, LookaheadPolicy(**own)) for own in given]

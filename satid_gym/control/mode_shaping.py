@@ -6,7 +6,8 @@ A mode that is excited by an acceleration a and a rate omega of the body swings 
 
 with an amplitude that its present deflection and rate give. The first term is the pull of the rotation, D the
 derivative of the inertia by eta: rates of 0.05 rad/s about two axes bend a panel of 0.085 Hz, which lies along one of
-them and is hinged about the third, by half a degree for as long as they last. With x = eta less that pull, the amplitude is
+them and is hinged about the third, by half a degree for as long as they last. With x = eta less that pull, the
+amplitude is
 
     A^2 = (x + d . a / w^2)^2 + (deta/dt / w)^2.
 

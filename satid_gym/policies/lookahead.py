@@ -110,7 +110,7 @@ class LookaheadPolicy(FilterMPCPolicy):
         else:
             action, self._left = plans[best, 0], self._left - 1
         self.policy.memory = after.take(best)
-        if isinstance(before, Memory):
+        if isinstance(before, Memory) and (self.edits or not self.policy.is_shaped):  # half way, a rate has no side
             self.policy.tour.note(before, action)
         return action
 

@@ -64,7 +64,7 @@ class Ways(NamedTuple):
         corners: (N, 8, 3) rates over the limit.
         rates: (N, 8, 3) of the next decision.
         peak: (N, 8) of the modes, over their limit; above 1 a way is closed.
-        most: (N, 3) change of the rate in a decision that the modes allow; or infinite.
+        most: (N, 3) change of the rate in a decision that the modes allow, or infinite.
     """
 
     corners: np.ndarray
