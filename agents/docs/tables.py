@@ -12,19 +12,11 @@ from typing import Any
 
 import docstring_parser
 
-from agents.docs import faults_table
+from agents.docs import faults_table, results_tables
 from agents.docs import world_tables as worlds
 from agents.docs.consistency_table import consistency, consistency_table, timing_table, tracker_table
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
-from agents.docs.results_tables import (
-    cell_error_tables,
-    cell_reward_tables,
-    correlation_sentence,
-    error_table,
-    reward_table,
-    standing_tables,
-)
 from agents.docs.specification import satellites, section_table, vector_arguments
 from agents.unseen.table import unseen
 from baselines import BASELINES, build, tuned_entry
@@ -198,14 +190,14 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},
     "baselines.md": {"baselines": baselines},
-    "benchmark.md": {"errors": compared(error_table), "rewards": compared(reward_table)},
+    "benchmark.md": {"errors": compared(results_tables.error_table), "rewards": compared(results_tables.reward_table)},
     "environment.md": {
         "observation": lambda: section_table("Observation space"),
         "body observation": lambda: section_table("Observation in the body frame"),
         "observed modes": lambda: section_table("Modes in the observation"),
         "observed attitude": lambda: section_table("Attitude in the observation"),
         "reward": lambda: settings(RewardSettings),
-        "reward ranks": compared(correlation_sentence),
+        "reward ranks": compared(results_tables.correlation_sentence),
         "info": lambda: section_table("Information"),
         "arguments": lambda: section_table("Arguments"),
         "vector arguments": vector_arguments,
@@ -226,9 +218,9 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "rates.md": {"rate loops": worlds.rate_loops, "four wheels": worlds.four_wheels},
     "truth.md": {"basilisk": worlds.basilisk, "tours": worlds.tours},
     "notes/every_cell.md": {
-        "standing": compared(standing_tables),
-        "errors": compared(cell_error_tables),
-        "rewards": compared(cell_reward_tables),
+        "standing": compared(results_tables.standing_tables),
+        "errors": compared(results_tables.cell_error_tables),
+        "rewards": compared(results_tables.cell_reward_tables),
     },
 }
 
