@@ -37,8 +37,8 @@ InertiaMode = Literal["static", "step", "drift", "periodic"]
 MassMode = Literal["deployment", "fuel", "release"]
 LAW_NAMES: tuple[str, ...] = tuple(mode.name.lower() for mode in records.InertiaMode)
 TABLE = "table"  # no mode that episodes or benchmarks draw
-INERTIA_MODES: tuple[str, ...] = get_args(InertiaMode)  # the paper's, among which "random" draws
-MASS_MODES: tuple[str, ...] = get_args(MassMode)
+INERTIA_MODES: tuple[InertiaMode, ...] = get_args(InertiaMode)  # the paper's, among which "random" draws
+MASS_MODES: tuple[MassMode, ...] = get_args(MassMode)
 KNOTS_MAX = 8**5  # of a table
 
 

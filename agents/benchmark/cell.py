@@ -56,15 +56,22 @@ class Cell:
         control: str,
     ) -> Cell:
         """Hand a cell to the pool."""
-        episodes = {"satellite": satellite, "inertia": inertia, "seeds": seeds, "scenario": scenario}
-        episodes |= {"control": control, "num_threads": 1}
+        flies = functools.partial(
+            fly_timed,
+            satellite=satellite,
+            inertia=inertia,
+            seeds=seeds,
+            scenario=scenario,
+            control=control,
+            num_threads=1,
+        )
         bounded = not lacks_bound(problem(satellite, inertia, scenario))
         return cls(
             satellite=satellite,
             inertia=inertia,
             policies=policies,
             performance_bound=pool.submit(performance_bound, satellite, inertia, seeds, scenario) if bounded else None,
-            flights=[pool.submit(fly_timed, policy, **episodes) for policy in policies],
+            flights=[pool.submit(flies, policy) for policy in policies],
         )
 
 

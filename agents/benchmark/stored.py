@@ -109,7 +109,7 @@ def keep_planners(folder: Path, results: Values) -> Path | None:
 def _from_file(file: Path, results: Values) -> dict[str, Any]:
     """Planners' figures from one existing file, as of `find_stored`."""
     name = str(file.relative_to(ROOT)) if file.is_relative_to(ROOT) else portable(str(file))
-    empty = {"file": None, "revision": None, "command": None, "records": [], "efficiencies": []}
+    empty: dict[str, Any] = {"file": None, "revision": None, "command": None, "records": [], "efficiencies": []}
     try:
         old = read_results(file, "its figures are not shown", keys=("records", "efficiencies"))
         read_json(file, "its figures are not shown", keys=_KEYS)

@@ -120,7 +120,8 @@ def _write(collection: Collection, name: str, satellites: Sequence[Satellite], t
     environment["include_covariance"] |= covariance
     chosen = seeds("training", collection.episodes * len(satellites) * len(modes), collection.skip)
     cells = [(satellite, policy, mode) for satellite, policy in zip(satellites, team, strict=True) for mode in modes]
-    start, scores = time.perf_counter(), []
+    start = time.perf_counter()
+    scores: list[tuple[float, float]] = []
 
     def flown() -> Iterator[storage.Flown]:
         for i, (satellite, policy, mode) in enumerate(tqdm(cells, desc=policy_name, unit="cell", leave=False)):

@@ -84,7 +84,7 @@ def draw(results: Mapping[str, Any], output: Path) -> None:
         for here, mode, name, error in shown:
             if here != satellite:
                 continue
-            x = modes.index(mode)
+            x = float(modes.index(mode))
             if name in _SHOWN:
                 marker, colour = _SHOWN[name]
                 x += 0.13 * (names.index(name) - (len(names) - 1) / 2.0)
@@ -111,13 +111,10 @@ def _keys() -> list[Any]:
     from matplotlib.lines import Line2D
 
     lines = [
-        Line2D([], [], color="black", linestyle=style, label=label)
-        for style, label in (
-            ("--", "reference limit: best filter, every sample worth most"),
-            ("-", "bound"),
-        )
+        Line2D([], [], color="black", linestyle="-", label="bound"),
+        Line2D([], [], color="black", linestyle="--", label="reference limit: best filter, every sample worth most"),
     ]
-    return lines[::-1] + [
+    return lines + [
         Line2D([], [], marker=marker, linestyle="", color=colour, markersize=8, label=name)
         for name, (marker, colour) in _SHOWN.items()
     ]

@@ -170,7 +170,7 @@ def _of(records: Sequence[Record], policy: str, name: str, mode: str) -> list[fl
 
 def _mode_error(records: Sequence[Record], policy: str, mode: str) -> str:
     """Mean over satellites, which share seeds: the mean of the intervals covers it however they go together."""
-    mean, low, high = (np.mean(_of(records, policy, f"final_error_{end}", mode)) for end in ("mean", "lo", "hi"))
+    mean, low, high = (float(np.mean(_of(records, policy, f"final_error_{end}", mode))) for end in ("mean", "lo", "hi"))
     return f"{_percent(mean)}{_stars(records, policy, mode)} [{_percent(low)} {_percent(high)}]"
 
 

@@ -60,7 +60,7 @@ def shown(value: Any) -> str:
         return (" to " if len(value) == 2 else ", ").join(shown(v) for v in value)
     if isinstance(value, EstimatorSettings):  # its name, and what differs from the filter's defaults
         own = value.to_dict()
-        default = type(value)(**({"adaptive": True} if own.get("adaptive") else {})).to_dict()
+        default = type(value).from_dict({"adaptive": True} if own.get("adaptive") else {}).to_dict()
         changed = {k: v for k, v in own.items() if v != default[k] or v is True}
         return shown({"name": own["name"], **changed})
     if isinstance(value, Tolerances | Sensors):  # a scenario's own, in tables of their own

@@ -32,7 +32,7 @@ from agents.evolution.judge import Judges
 from agents.evolution.settings import Evolution
 from baselines.command import cli
 from baselines.command.provenance import result_head, revision
-from baselines.scenarios.flights import Cell, flown
+from baselines.scenarios.flights import AnyCell, flown
 from satid_gym.evaluation import seeds
 from satid_gym.files import DamagedFileError, check_writable, replacing, write_text
 from satid_gym.laws import INERTIA_MODES
@@ -101,7 +101,7 @@ def validated(policy: LearnedPolicy, settings: Evolution) -> Iterator[str]:
     """Scores on validation seeds, one line a cell."""
     for i, satellite in enumerate(settings.flies("validation", _DRAWN_VALIDATED)):
         for inertia in INERTIA_MODES:
-            cell = Cell(scenario=settings.scenario, satellite=satellite, inertia=inertia)
+            cell = AnyCell(scenario=settings.scenario, satellite=satellite, inertia=inertia)
             flight = flown(cell, policy, seeds("validation", settings.validation, 1000 * i * settings.is_drawn))
             expected, cost = flight.expected.mean(), flight.costs.mean(axis=0).max()
             name = satellite if isinstance(satellite, str) else satellite.name

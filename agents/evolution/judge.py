@@ -31,8 +31,13 @@ class Judge:
             num_threads=1,
             **observation_settings(settings.policy(np.zeros(len(settings.features)))),
         )
-        given = {"features": settings.features, "settle": settings.settle, "is_shaped": settings.shaped}
-        self._tour = CornerTour(missions(self._env.problem), settings.margin, **given)
+        self._tour = CornerTour(
+            missions(self._env.problem),
+            settings.margin,
+            features=settings.features,
+            settle=settings.settle,
+            is_shaped=settings.shaped,
+        )
         self._expected = expected_relative_error if settings.is_drawn else expected_error
         self._settings = settings
 

@@ -114,7 +114,7 @@ class Evolution:
         """Whether the satellites are drawn at random."""
         return tuple(self.satellites) == ("drawn",)
 
-    def flies(self, split: Split, count: int) -> list[str] | list[Satellite]:
+    def flies(self, split: Split, count: int) -> list[str | Satellite]:
         """Satellites: by name, or `count` drawn with seeds of a split."""
         if self.is_drawn:
             return list(draw_satellites(seeds(split, count), wheels=self.drawn_wheels))
@@ -128,7 +128,16 @@ class Evolution:
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""
         network = Network((weights[None].astype(np.float32),), (np.zeros(1, np.float32),))
-        given = {"observation": "body", "corner_features": self.features}
-        given |= {"settle": self.settle, "include_covariance": True, "include_walk": takes_walk(self.features)}
-        given["is_shaped"] = self.shaped
-        return LearnedPolicy(self.name, network, "rate", self.margin, details=details, **given)
+        return LearnedPolicy(
+            self.name,
+            network,
+            "rate",
+            self.margin,
+            details=details,
+            observation="body",
+            corner_features=self.features,
+            settle=self.settle,
+            include_covariance=True,
+            include_walk=takes_walk(self.features),
+            is_shaped=self.shaped,
+        )

@@ -13,7 +13,8 @@ from baselines.scenarios.compare import MEASURES, against, by_cell
 
 def paired_table(results: Mapping[str, Any], policy: str, others: Sequence[str]) -> str:
     """One line for each cell: scores of a policy, and its expected error and error at the end over those of others."""
-    lines, ratios = [], {name: [] for name in others}
+    lines: list[list[str]] = []
+    ratios: dict[str, list[dict[str, Any]]] = {name: [] for name in others}
     for cell in by_cell(results["rows"]):
         own = cell[policy]
         for name in others:

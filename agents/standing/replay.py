@@ -82,7 +82,7 @@ def _fly(cell: Cell, policy: Policy, seed: int) -> tuple[dict[str, Any], dict[st
     env.close()
     series = {name: np.array([state[name] for state in kept]) for name in kept[0]}
     moving = ("estimate", "sigma", "rate", "wheel_speed", "momentum", "attitude", "deflection")
-    flight = {name: [rounded(column, 4) for column in series[name].T] for name in moving}
+    flight: dict[str, Any] = {name: [rounded(column, 4) for column in series[name].T] for name in moving}
     flight |= {name: rounded(series[name], 4) for name in ("error", "tracks", "missed")}
     satellite = mission.satellite
     size = box(satellite)[0] if satellite.size is None else satellite.size

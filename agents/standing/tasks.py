@@ -156,8 +156,9 @@ def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy) ->
         timed = TimedPolicy(copy.copy(policy))  # cells fly side by side
         return _scores(flown(cell, timed, episodes.seeds, num_threads=1), timed.decision_ms)
 
-    named = {"name": policy.name, "kind": policy.kind, "settings": settings, "policy": policy}
-    return Task(cell=cell, fly=fly, identity=about, **named)
+    return Task(
+        cell=cell, name=policy.name, kind=policy.kind, settings=settings, policy=policy, fly=fly, identity=about
+    )
 
 
 def _scores(flight: Flown, decision_ms: float | None) -> dict[str, Any]:

@@ -127,8 +127,8 @@ def train(run: Run) -> None:
     s: ImitationSettings = run.settings  # type: ignore[assignment]
     if s.data:
         with cli.user_errors():
-            flown = [commands(name) for name in s.data]
-        clone(run, flown)
+            data = [commands(name) for name in s.data]
+        clone(run, data)
         return
     said = answers(run.folder, s.rounds)
     if len(said) == s.rounds:

@@ -17,6 +17,7 @@ from agents.training.settings import RLSettings, policy_of
 from satid_gym.config import check_integer, check_number
 from satid_gym.policies.learned import LearnedPolicy
 from satid_gym.policies.network import Network
+from satid_gym.sb3 import RateCommandVecEnv
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +72,9 @@ def learned_policy(model: PPO, settings: RLSettings) -> LearnedPolicy:
     """The model's mean action as a policy."""
     network, s = Network.of_layers([*model.policy.mlp_extractor.policy_net, model.policy.action_net]), settings
     if s.reversals:
-        network = with_reversals(network, model.get_env().vector_env.problem.layout["command"])
+        env = model.get_env()
+        assert isinstance(env, RateCommandVecEnv)
+        network = with_reversals(network, env.vector_env.problem.layout["command"])
     elif s.switches:
         network = with_switches(network)
     return policy_of(network, s)
@@ -103,7 +106,9 @@ def train(run: Run) -> PPO:
             device="cpu",
         )
         if s.reversals:
-            torch.nn.init.constant_(model.policy.action_net.bias, FIRST_LOGIT)
+            logits = model.policy.action_net
+            assert isinstance(logits, torch.nn.Linear)
+            torch.nn.init.constant_(logits.bias, FIRST_LOGIT)
         if s.clocks:
             for net in (model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net):
                 set_clocks(net[0], env.vector_env.problem)

@@ -150,8 +150,7 @@ class TrainingOptions(RunOptions):
 def main(options: TrainingOptions) -> int:
     """Train; the exit code."""
     if not options.several:
-        settings = options.training
-        return options.start(TRAIN[settings.algorithm], settings, "agents.train")
+        return options.start(TRAIN[options.training.algorithm], options.training, "agents.train")
     with cli.user_errors():
         for settings in options.runs:
             check_folder(settings)

@@ -78,7 +78,7 @@ def frames(rollouts: Sequence[Rollout], every: int) -> Iterator[np.ndarray]:
 
 def compose(rollouts: Sequence[Rollout]) -> np.ndarray:
     """Picture (height, width, 3), uint8: names and errors, the frames side by side, and errors over time."""
-    parts = [rollout.env.render() for rollout in rollouts]
+    parts = [rollout.picture() for rollout in rollouts]
     size = parts[0].shape[0]
     scale = size / 480.0
     gap = np.full((size, round(_GAP * scale), 3), BACKGROUND, np.uint8)

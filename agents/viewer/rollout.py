@@ -67,6 +67,12 @@ class Rollout:
         self.ending = early_end(self.env) if self.terminated else ""
         self._note()
 
+    def picture(self) -> np.ndarray:
+        """Frame (height, width, 3), uint8, of the present moment; the environment draws "rgb_array"."""
+        frame = self.env.render()
+        assert frame is not None
+        return frame
+
     def _note(self) -> None:
         layout, information, rows = self.env.layout, self.history["information"], self.env.fleet.rows
         self.history["relative_error"].append(float(unit_free_error(self.env.fleet)[0]))

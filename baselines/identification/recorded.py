@@ -14,8 +14,8 @@ _SHARE = 0.5  # of the rate limit that slews use
 BIAS_STD = 1e-3  # rad/s, of the gyro's constant bias, drawn for each flight
 CUBESAT = Satellite(  # a 3U with three wheels, nominal
     "threeu",
-    [0.044, 0.045, 0.010],
-    ReactionWheels(inertia=5.7e-5, max_torque=2e-3, max_speed=525.0),
+    np.array([0.044, 0.045, 0.010]),
+    ReactionWheels(inertia=np.array(5.7e-5), max_torque=np.array(2e-3), max_speed=np.array(525.0)),
     rate_limit=0.2,
     gyro_noise_std=1e-4,
     tachometer_noise_std=0.1,

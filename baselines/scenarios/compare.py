@@ -147,10 +147,10 @@ def show(rows: Sequence[Row], judged: Sequence[str]) -> None:
     print(f"{'':38s} expected, %  error at the end, %  NEES  largest cost, %{over}")
     for cell in by_cell(rows):
         for row in cell.values():
-            means = [100.0 * np.mean(row["expected"]), 100.0 * np.mean(row["error"]), np.mean(row["nees"])]
+            expected, error, nees = (np.mean(row[name]) for name in ("expected", "error", "nees"))
             print(
                 "{satellite:10s}{inertia:10s}{policy:18s}".format(**row)
-                + "{:12.4f} {:20.4f} {:5.2f}".format(*means)
+                + f"{100.0 * expected:12.4f} {100.0 * error:20.4f} {nees:5.2f}"
                 + f" {100 * max(row['costs'].values()):16.2f}"
                 + "".join(f"  {_words(against(cell[name], row)) if name in cell else '':>26s}" for name in judged)
             )

@@ -13,18 +13,27 @@ from satid_gym.fleet import Fleet
 from satid_gym.gym_api import COSTS
 from satid_gym.policy import Policy, missions, observation_settings, show_filter
 from satid_gym.satellite import Satellite
+from satid_gym.scenario import Scenario
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 Told = Callable[[SatInertiaIDVectorEnv, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cell:
-    """Scenario and inertia mode, by their names, and satellite, by its name or itself."""
+class AnyCell:
+    """Scenario and satellite, by their names or themselves, and inertia mode, by its name."""
 
-    scenario: str
+    scenario: str | Scenario
     satellite: str | Satellite
     inertia: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell(AnyCell):
+    """Cell of the catalogues: scenario and satellite by their names, which tables and files have."""
+
+    scenario: str
+    satellite: str
 
 
 @dataclass(frozen=True)
@@ -63,7 +72,7 @@ class Flown:
 
 
 def flown(
-    cell: Cell, policy: Policy, seeds: Sequence[int], told: Told | None = None, *, num_threads: int | None = None
+    cell: AnyCell, policy: Policy, seeds: Sequence[int], told: Told | None = None, *, num_threads: int | None = None
 ) -> Flown:
     """Scores of a policy that commands rates; `told` may change what it observes.
 

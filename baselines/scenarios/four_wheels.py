@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from baselines.scenarios.flights import Cell, flown
+from baselines.scenarios.flights import AnyCell, flown
 from baselines.scenarios.rivals import Quieter
 from baselines.studies.worlds import on_pyramid
 from satid_gym.config import check_integer, check_names, check_number
@@ -112,7 +112,7 @@ class FourWheels:
         check_integer("episodes", self.episodes)
 
 
-def cell_of(satellite: str, wheels: Wheels) -> Cell:
+def cell_of(satellite: str, wheels: Wheels) -> AnyCell:
     """What is flown."""
     scenario = Scenario(
         name="four wheels",
@@ -122,7 +122,8 @@ def cell_of(satellite: str, wheels: Wheels) -> Cell:
         sensors=Sensors(encoder_pulses=_PULSES),
         faults=Faults(wheel_loss=wheels.loss, wheel_loss_size=(1.0, 1.0)),
     )
-    return Cell(scenario=scenario, satellite=on_pyramid(SATELLITES[satellite], (0.0, wheels.high)), inertia="static")
+    pyramid = on_pyramid(SATELLITES[satellite], (0.0, wheels.high))
+    return AnyCell(scenario=scenario, satellite=pyramid, inertia="static")
 
 
 def shared_evenly(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.ndarray:

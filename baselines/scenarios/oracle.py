@@ -17,14 +17,15 @@ from baselines.scenarios.plans.shaped import ShapedPlan
 from baselines.scenarios.plans.swing import SwingPlan
 from baselines.scenarios.plans.window import WindowPlan
 
-_EFFORT = {CornerPlan: (64, 12)}  # population and rounds of the search, for each episode
+_Plan = CornerPlan | ShapedPlan | SwingPlan | WindowPlan
+_EFFORT: dict[type[_Plan], tuple[int, int]] = {CornerPlan: (64, 12)}  # population and rounds, for each episode
 _EFFORT_ELSE = (32, 6)
 _ELITE = 0.25  # of the population
 _SPREAD = 0.6  # std of the first population about the typical settings
 _STRAY = 100.0  # by which a cost beyond its limit counts in the search
 
 
-PLANS: dict[str, type[CornerPlan | ShapedPlan | SwingPlan | WindowPlan]] = {
+PLANS: dict[str, type[_Plan]] = {
     "flex": ShapedPlan,
     "slosh": CornerPlan,
     "calibration": SwingPlan,

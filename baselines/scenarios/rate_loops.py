@@ -65,7 +65,7 @@ _EASED: Mapping[str, World] = {
     f"{name}, slope {_SLOPE:g}": World(scenario={"reference_slope": _SLOPE}, satellites=WORLDS[name].satellites)
     for name in _FLEXIBLE
 }
-EFFECTS: Mapping[str, World] = {name: WORLDS[name] for name in _STUDIED} | _EASED | _OWN
+EFFECTS: Mapping[str, World] = {**{name: WORLDS[name] for name in _STUDIED}, **_EASED, **_OWN}
 """Worlds that are flown, by name."""
 
 

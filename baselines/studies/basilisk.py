@@ -123,10 +123,11 @@ def _truth(row: Row, step: float | None) -> Callable[[], Truth]:
     return partial(BasiliskTruth, step=step or row.step, imbalance=Imbalance() if row.imbalance else None)
 
 
-def _flies(policy: Policy, settings: Mapping[str, Any]) -> bool:
+def _flies(policy: Policy, satellite: Satellite, scenario: Scenario, control: str) -> bool:
     """Whether a policy takes the observations of a world: learned ones take those of three wheels and nine states."""
     try:
-        policy.reset(only_mission(problem(**settings, **observation_settings(policy))), [0])
+        posed = problem(satellite, "static", scenario, control=control, **observation_settings(policy))
+        policy.reset(only_mission(posed), [0])
     except ValueError:
         return False
     return True
@@ -137,18 +138,15 @@ def cell(study: BasiliskStudy, row: str, name: str) -> dict[str, Any]:
     truth, world, satellite = _truth(ROWS[row], study.step), ROWS[row].world, _satellite(ROWS[row].world)
     scenario = Scenario(**world.scenario)
     policy = _policy(name, satellite, scenario)
-    settings = {
-        "satellite": satellite,
-        "inertia": "static",
-        "scenario": scenario,
-        "control": "rate" if observation_settings(policy).get("observation") == "body" else "torque",
-    }
+    control = "rate" if observation_settings(policy).get("observation") == "body" else "torque"
     found: dict[str, Any] = {"row": row, "policy": name, "own": None, "basilisk": None, "flights_apart": None}
-    if not _flies(policy, settings):
+    if not _flies(policy, satellite, scenario, control):
         return found
     chosen = seeds("validation", study.episodes)
-    own = fly(policy, seeds=chosen, **settings).scores()
-    theirs = fly(policy, seeds=chosen, truth=truth, **settings).scores()
+    flown = partial(
+        fly, policy, satellite=satellite, inertia="static", seeds=chosen, scenario=scenario, control=control
+    )
+    own, theirs = flown().scores(), flown(truth=truth).scores()
     for where, scores in (("own", own), ("basilisk", theirs)):
         found[where] = {score: float(scores[score].mean()) for score in SCORES}
     apart = np.abs(theirs["final_error"] / own["final_error"] - 1.0)

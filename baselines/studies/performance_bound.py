@@ -108,8 +108,9 @@ def performance_bound(
     information = sample_information(cap, motion.inertia, prior, PARAMETER_COUNT[posed.parameters])
 
     def limit(settings: MomentumEKFSettings) -> np.ndarray:
-        given = {"finds_steps": adaptive, "information": information}
-        error = reference_limit(motion, operated, prior, settings, recording.dt, **given)
+        error = reference_limit(
+            motion, operated, prior, settings, recording.dt, finds_steps=adaptive, information=information
+        )
         return np.sqrt(episode_bounds(error, motion.inertia).mean(axis=0))[decisions]
 
     return PerformanceBound(

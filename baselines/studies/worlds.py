@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 
@@ -23,9 +23,17 @@ from satid_gym.tolerances import Tolerances
 
 PYRAMID = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / np.sqrt(3.0)
 """Axes (3, 4) of four wheels along the diagonals of a cube."""
-_MODE_STD = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}  # of panels and slosh masses
 _REACHED = 0.25  # part of the rate limit that an open-loop signal may reach
 _SINE_QUARTER = 50.0  # s, in which the sine of 0.01 Hz reaches its largest rate, as a constant torque would
+
+
+class _ModeStd(TypedDict):
+    mass_std: float
+    frequency_std: float
+    damping_std: float
+
+
+_MODE_STD: _ModeStd = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}  # of panels and slosh masses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,13 +53,12 @@ class World:
 
 def _satellite(name: str, moments: float, wheels: tuple[float, float, float], **sheet: float) -> Satellite:
     """Satellite of moments 1.1, 1 and 0.8 times a number; wheels: torque limit, speed limit, spin inertia."""
-    torque, speed, inertia = wheels
+    torque, speed, inertia = map(np.array, wheels)
     return Satellite(
         name,
         moments * np.array([1.1, 1.0, 0.8]),
         ReactionWheels(inertia=inertia, max_torque=torque, max_speed=speed),
-        **sheet,  # type: ignore[arg-type]
-    )
+    ).replace(**sheet)
 
 
 # wheels as of CubeSpace CW0017, Blue Canyon RWP100 and Honeywell HR16-100; gyros from MEMS to navigation grade

@@ -128,8 +128,8 @@ def check_output(satellites: Sequence[str], scenarios: Sequence[str], output: Pa
         ValueError: one is unknown, not valid or has the name of another, or would be written among the shipped.
         DamagedFileError: the output is a file of something else.
     """
-    own = [x.name for x in (*select_satellites(satellites), *select_scenarios(scenarios))]
-    own = [name for name in own if name not in SATELLITES and name not in SCENARIOS]
+    given = [s.name for s in select_satellites(satellites)] + [s.name for s in select_scenarios(scenarios)]
+    own = [name for name in given if name not in SATELLITES and name not in SCENARIOS]
     if own and output.resolve() == shipped.resolve():
         raise ValueError(f"{', '.join(own)} would replace the settings that are shipped: add --output FILE.json")
     _stored(output)

@@ -106,21 +106,26 @@ def _standing(cell: Sequence[Record], pairs: Sequence[Record], policy: str) -> S
     eight = [r for r in cell if r["policy"] in PROFILES]
     profile = best(eight)
     loop = best(r for r in cell if r["kind"] == "closed_loop" and r["policy"] != policy)
-    match = loop and next(
-        p
-        for p in pairs
-        if (p["policy"], p["other"]) == (policy, loop["policy"])
-        and (p["satellite"], p["inertia_mode"]) == (own["satellite"], own["inertia_mode"])
-    )
     return Standing(
         satellite=own["satellite"],
         mode=own["inertia_mode"],
         inside=keeps_envelope(own),
         rank=ranks(cell).get(policy),
-        profile=profile and profile["policy"],
-        over_profile=profile and _error(own) / _error(profile),
+        profile=None if profile is None else profile["policy"],
+        over_profile=None if profile is None else _error(own) / _error(profile),
         over_any_profile=_error(own) / min(map(_error, eight)),
-        loop=loop and loop["policy"],
-        over_loop=loop and _error(own) / _error(loop),
-        difference=match and tuple(match[f"difference_{end}"] for end in ("mean", "lo", "hi")),
+        loop=None if loop is None else loop["policy"],
+        over_loop=None if loop is None else _error(own) / _error(loop),
+        difference=None if loop is None else _difference(pairs, own, loop),
     )
+
+
+def _difference(pairs: Sequence[Record], own: Record, loop: Record) -> tuple[float, float, float]:
+    """Error less that of a loop in the same cell: mean and both ends of its interval."""
+    match = next(
+        p
+        for p in pairs
+        if (p["policy"], p["other"]) == (own["policy"], loop["policy"])
+        and (p["satellite"], p["inertia_mode"]) == (own["satellite"], own["inertia_mode"])
+    )
+    return match["difference_mean"], match["difference_lo"], match["difference_hi"]

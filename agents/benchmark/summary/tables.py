@@ -146,7 +146,8 @@ def _kind(records: Sequence[Record], policy: str) -> str:
 def _mean(records: Sequence[Record], policy: str, name: str) -> Any:
     """Mean over a policy's records; None where one of them has none, as stored ones of older revisions have no cost."""
     values = [r.get(name) for r in records if r["policy"] == policy]
-    return None if None in values else float(np.mean(values))
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if len(known) == len(values) else None
 
 
 def _percent(fraction: float) -> str:

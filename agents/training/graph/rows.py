@@ -85,7 +85,8 @@ class Builder:
         ends = [self.add("Identity", x.name) for x in (left, *kept) if isinstance(x, Row)]
         some = self.any(left)
         truth, number = (TensorProto.BOOL, ["batch"]), (TensorProto.DOUBLE, ["batch"])
-        one, each = [(TensorProto.BOOL, [])], [truth, *[number] * len(values)]
+        one: list[tuple[int, list[str]]] = [(TensorProto.BOOL, [])]
+        each = [truth, *[number] * len(values)]
         entries = [self.name("turn"), self.name("going"), here.name, *(x.name for x in inside)]
         body = helper.make_graph(
             self.nodes,

@@ -39,19 +39,22 @@ def save(path: Path, model: BaseAlgorithm, env: RateCommandVecEnv, notes: dict[s
     buffer = getattr(model, "replay_buffer", None)
     if buffer is not None:
         arrays |= {f"replay/{name}": getattr(buffer, name)[: buffer.size()] for name in _REPLAY}
-    _, keys, position, *_ = np.random.get_state()  # noqa: NPY002 - Stable-Baselines3 shuffles with it
-    arrays["random.numpy"], arrays["random.torch"] = keys, torch.get_rng_state().numpy()
-    arrays["last.observation"], arrays["last.starts"] = model._last_obs, model._last_episode_starts
+    drawn = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - Stable-Baselines3 shuffles with it
+    arrays["random.numpy"], arrays["random.torch"] = drawn["key"], torch.get_rng_state().numpy()
+    observation, starts = model._last_obs, model._last_episode_starts
+    assert isinstance(observation, np.ndarray)
+    assert starts is not None
+    arrays["last.observation"], arrays["last.starts"] = observation, starts
     head = {
         "timesteps": model.num_timesteps,
         "updates": model._n_updates,
-        "numpy_position": int(position),
+        "numpy_position": int(drawn["pos"]),
         "replay_position": 0 if buffer is None else buffer.pos,
         "notes": notes,
     }
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
     file = io.BytesIO()
-    np.savez(file, **arrays)
+    np.savez(file, **arrays)  # type: ignore[arg-type]  # no array is named allow_pickle
     content = file.getvalue()
     if path.exists():
         os.replace(path, previous(path))
@@ -92,14 +95,16 @@ def load(path: Path, model: BaseAlgorithm, env: RateCommandVecEnv) -> dict[str, 
         for name, state in model.get_parameters().items():
             tensors = {key: torch.from_numpy(value) for key, value in _under(arrays, f"{name}/").items()}
             parameters[name] = {**state, "state": _by_index(tensors)} if name.endswith("optimizer") else tensors
-        model.set_parameters(parameters)
+        model.set_parameters(parameters)  # type: ignore[arg-type]  # its annotation lacks optimizers
         for name in _variables(model):
             getattr(model, name).data = torch.from_numpy(arrays[f"variable/{name}"])
-        if getattr(model, "replay_buffer", None) is not None:
-            _refill(model.replay_buffer, _under(arrays, "replay/"), head["replay_position"])
+        buffer = getattr(model, "replay_buffer", None)
+        if buffer is not None:
+            _refill(buffer, _under(arrays, "replay/"), head["replay_position"])
     except (RuntimeError, ValueError, KeyError) as error:
         raise DamagedFileError(f"{path} is of other settings ({error}): {RESTART}") from error
-    np.random.set_state(("MT19937", arrays["random.numpy"], head["numpy_position"]))  # noqa: NPY002
+    drawn = {"key": arrays["random.numpy"], "pos": head["numpy_position"]}
+    np.random.set_state({"bit_generator": "MT19937", "state": drawn})  # noqa: NPY002
     torch.set_rng_state(torch.from_numpy(arrays["random.torch"]))
     model._last_obs, model._last_episode_starts = arrays["last.observation"], arrays["last.starts"]
     model.num_timesteps, model._n_updates = head["timesteps"], head["updates"]

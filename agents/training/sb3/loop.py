@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,22 +42,23 @@ class AfterUpdate:
 def environment(settings: RLSettings) -> RateCommandVecEnv:
     """Environments to train in, side by side."""
     s = settings
-    given = {
-        "margin": s.margin if s.control == "rate" else None,
-        "stagger": True,
-        "satellite": s.pool(),
-        "inertia": s.inertia,
-        "scenario": s.scenario,
-        "reward": s.reward,
-        "include_covariance": s.include_covariance,
-        "control": s.actions,
-        "observation": s.observation,
-        "include_walk": s.include_walk,
-        "spares_modes": s.spares_modes,
-    }
+    make: Callable[..., RateCommandVecEnv] = RateCommandVecEnv
     if s.switches:
-        return SwitchedVecEnv(s.num_envs, repeat=s.repeat, reversals=s.reversals, **given)
-    return RateCommandVecEnv(s.num_envs, **given)
+        make = partial(SwitchedVecEnv, repeat=s.repeat, reversals=s.reversals)
+    return make(
+        s.num_envs,
+        margin=s.margin if s.control == "rate" else None,
+        stagger=True,
+        satellite=s.pool(),
+        inertia=s.inertia,
+        scenario=s.scenario,
+        reward=s.reward,
+        include_covariance=s.include_covariance,
+        control=s.actions,
+        observation=s.observation,
+        include_walk=s.include_walk,
+        spares_modes=s.spares_modes,
+    )
 
 
 class Training:
