@@ -214,7 +214,7 @@ def test_features_of_what_is_not_there_are_refused(feature, scenario, message):
 
 
 def bent(pull: float, frequency: float = 0.1) -> np.ndarray:
-    """Observation of panels at rest, hinged about z, that full rates about x and y pull to this multiple of the limit."""
+    """Observation of panels at rest, hinged about z, that full rates about x and y pull to a multiple of the limit."""
     own = mission("flex")
     parts = dict.fromkeys(MODE_PARTS, 0.0) | {"frequency": frequency, "deflection_limit": 1.0}
     parts |= {"frequency_std": -10.0, "coupling": [0.0, 0.0, 0.3], "centrifugal": [0.0, 0.0, 0.0, 0.5 * pull, 0.0, 0.0]}
