@@ -5,6 +5,9 @@
 Kernels release the GIL and are cached on disk. A small function, `@inline`, is compiled into whatever calls it; a
 larger one, `@outline`, once into each kernel, since the compiler takes its time over every copy.
 
+An array that is handed to an outlined function has no shape that the compiler knows, so that it unrolls no loop there:
+hand on the record that holds the array instead, or inline.
+
 Results must not depend on which process compiled what first. LLVM may therefore not choose what to inline: a kernel
 from the cache might be linked with functions that were compiled otherwise than its own, and the last bits would differ.
 

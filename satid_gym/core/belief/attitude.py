@@ -176,7 +176,7 @@ def propagate(belief, work):
             covariance[first + i, first + j] = covariance[first + j, first + i] = own
 
 
-@inline
+@outline
 def predict(belief, work, momentum, rates, J_inv, shares, h):
     """Turn the attitude of a rigid body and its error on by a midpoint step, before its covariance is propagated.
 

@@ -90,10 +90,10 @@ def multiply_rows(rows, matrix, out, count):
     size = matrix.shape[0]
     for r in range(count):
         for j in range(size):
-            total = 0.0
-            for k in range(size):
-                total += rows[r, k] * matrix[k, j]
-            out[r, j] = total
+            out[r, j] = 0.0
+        for k in range(size):
+            for j in range(size):
+                out[r, j] += rows[r, k] * matrix[k, j]
 
 
 @inline_disjoint

@@ -28,47 +28,41 @@ _STEPS_MAX = 10_000  # a pilot's gap may be long; beyond 2 rad in a step the met
 
 
 @outline
-def _write_rate_sensitivity(belief, work, omega, J_inv, share, source):
+def _write_rate_sensitivity(belief, work, omega, J_inv, share):
     """Derivative of omega by the state before the prediction to work.modes.omega, after a share of it.
 
-    `source` (3, size) is the derivative of M.
+    That of M is in work.modes.middle.
     """
-    p, out, rows = belief.prior_theta.shape[0], work.modes.omega, work.transition
+    p, source, out, rows = belief.prior_theta.shape[0], work.modes.middle, work.modes.omega, work.transition
     x, y, z = omega
-    first_wheel = belief.calibration.wheels
-    for j in range(belief.mean.shape[0]):
-        v = source[0, j], source[1, j], source[2, j]
-        if j >= 3 and j < 3 + p:
-            v = subtract(v, _regressor_column(x, y, z, j - 3))
-        for i in range(belief.modes.coupling.shape[0]):
-            at, d = belief.modes.first + STATES * i, load(belief.modes.d[i])
-            bent, by_slope = bent_rate(belief, i, belief.mean[at], omega)
-            v = axpy(-rows[4 + 2 * i, j], d, axpy(-rows[3 + 2 * i, j], bent, v))
-            if j == at + 3:
-                v = axpy(dot(d, omega) - deflection_rate(belief, i, omega), d, axpy(-belief.mean[at], by_slope, v))
-        if first_wheel > 0 and j >= first_wheel and j < first_wheel + 3 * belief.speed.shape[0]:
-            k, axis = (j - first_wheel) // 3, (j - first_wheel) % 3
+    size, first_wheel = belief.mean.shape[0], belief.calibration.wheels
+    for i in range(3):  # less L(omega), where J omega = L(omega) theta
+        for j in range(size):
+            out[i, j] = source[i, j]
+        out[i, 3 + i] -= omega[i]
+    if p == 6:
+        out[0, 6] -= y
+        out[1, 6] -= x
+        out[0, 7] -= z
+        out[2, 7] -= x
+        out[1, 8] -= z
+        out[2, 8] -= y
+    for i in range(belief.modes.coupling.shape[0]):
+        at, d = belief.modes.first + STATES * i, load(belief.modes.d[i])
+        bent, by_slope = bent_rate(belief, i, belief.mean[at], omega)
+        for j in range(size):
+            v = axpy(-rows[4 + 2 * i, j], d, axpy(-rows[3 + 2 * i, j], bent, load_column(out, j)))
+            out[0, j], out[1, j], out[2, j] = v
+        v = axpy(-belief.mean[at], by_slope, load_column(out, at + 3))
+        v = axpy(dot(d, omega) - deflection_rate(belief, i, omega), d, v)
+        out[0, at + 3], out[1, at + 3], out[2, at + 3] = v
+    if first_wheel > 0:
+        for k in range(belief.speed.shape[0]):
             before = belief.calibration.speed_before[k]
-            speed = before + share * (belief.speed[k] - before)
-            v = subtract(v, (speed if axis == 0 else 0.0, speed if axis == 1 else 0.0, speed if axis == 2 else 0.0))
-        v = multiply(J_inv, v)
-        out[0, j], out[1, j], out[2, j] = v
-
-
-@inline
-def _regressor_column(x, y, z, k):
-    """Column k of L(omega), where J omega = L(omega) theta."""
-    if k == 0:
-        return x, 0.0, 0.0
-    if k == 1:
-        return 0.0, y, 0.0
-    if k == 2:
-        return 0.0, 0.0, z
-    if k == 3:
-        return y, x, 0.0
-    if k == 4:
-        return z, 0.0, x
-    return 0.0, z, y
+            for i in range(3):
+                out[i, first_wheel + 3 * k + i] -= before + share * (belief.speed[k] - before)
+    for j in range(size):
+        out[0, j], out[1, j], out[2, j] = multiply(J_inv, load_column(out, j))
 
 
 @inline
@@ -95,9 +89,10 @@ def _kick(belief, work, i, omega, h):
 def _turn_sensitivity(belief, work, momentum, omega, source, out, h):
     """out = source + h d(M x omega + tau) where `source` (3, size) is the derivative of the M that is moved."""
     first_torque, rates, middle = 3 + belief.prior_theta.shape[0], work.modes.omega, work.modes.middle
+    gated = belief.gate.threshold > 0.0
     for j in range(belief.mean.shape[0]):
         by_momentum, by_rate = load_column(middle, j), load_column(rates, j)
-        if belief.gate.threshold > 0.0:  # as `unmeasured.hold_total` has it
+        if gated:  # as `unmeasured.hold_total` has it
             by_momentum = subtract(by_momentum, unmeasured.along_axes(belief, by_momentum))
         change = add(cross(by_momentum, omega), cross(momentum, by_rate))
         out[0, j] = source[0, j] + h * change[0]
@@ -142,16 +137,16 @@ def predict(belief, work, J, inputs, turns, offset, dt):
         for r in range(3):
             for j in range(size):
                 work.modes.middle[r, j] = rows[r, j]
-        _write_rate_sensitivity(belief, work, omega, J_inv, step / steps, rows)
+        _write_rate_sensitivity(belief, work, omega, J_inv, step / steps)
         _turn_sensitivity(belief, work, M, omega, rows, work.modes.middle, 0.5 * h)
         for i in range(count):
             _kick(belief, work, i, omega, 0.5 * h)
         middle = axpy(0.5 * h, add(cross(M, omega), tau), M)
         omega = multiply(J_inv, subtract(subtract(middle, a1), momentum(belief)))
         if turns:
-            _write_rate_sensitivity(belief, work, add(omega, offset), J_inv, (step + 0.5) / steps, work.modes.middle)
+            _write_rate_sensitivity(belief, work, add(omega, offset), J_inv, (step + 0.5) / steps)
             attitude.turn_on(belief, work, omega, work.modes.omega, h)
-        _write_rate_sensitivity(belief, work, omega, J_inv, (step + 0.5) / steps, work.modes.middle)
+        _write_rate_sensitivity(belief, work, omega, J_inv, (step + 0.5) / steps)
         for i in range(count):
             _drift(belief, work, i, omega, h)
         _turn_sensitivity(belief, work, middle, omega, rows, rows, h)

@@ -70,7 +70,7 @@ def _least(spin, noise):
     return x * spin[0], y * spin[1], z * spin[2], 0.0, 0.0, 0.0
 
 
-@outline
+@inline
 def write_rate_rows(belief, work, J_inv, rate, rows):
     """Derivative of the rate by M, theta and the modes, at a rate, to rows (3, size).
 

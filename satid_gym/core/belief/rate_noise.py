@@ -12,7 +12,7 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.rotation import symmetric_to_inertial, to_inertial
 
 
-@outline
+@inline
 def add(belief, work, momentum, noise, h2):
     """Add it to the covariance.
 
