@@ -255,3 +255,10 @@ def test_the_tour_for_panels_keeps_the_limit_and_expects_less_than_square_waves(
     assert learned.inside(0.01)
     assert 0.3 < learned.nees.mean() < 2.0
     assert np.log(learned.expected).mean() < np.log(square.expected).mean()
+
+
+@pytest.mark.parametrize("name", ["panel_tour", "tank_tour"])
+def test_tours_for_panels_and_tanks_fly_where_there_are_none(name):
+    flight = flown(Cell(scenario="default", satellite="microsat", inertia="static"), find(name), seeds("validation", 4))
+    assert flight.inside(0.01)
+    assert flight.expected.mean() < 1e-3

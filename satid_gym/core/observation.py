@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from satid_gym.core.algebra import add, cross, inverse, load_symmetric, multiply
+from satid_gym.core.algebra import add, cross, inverse, load_symmetric, multiply, scale_symmetric
 from satid_gym.core.belief import filters, modes, whiteness
 from satid_gym.core.belief.kalman import estimated_inertia, theta_covariance
 from satid_gym.core.jit import inline, outline
@@ -210,8 +210,9 @@ def _observe_modes(belief, task, omega, out, i):
         i = write(out, i, log_share(own.zeta[m]))
         i = write(out, i, log_share(np.sqrt(covariance[at + 4, at + 4])))
         pull = 0.5 * task.rate_limit**2 / own.w[m] ** 2 * own.frequency[m] * per_rung
-        for slope in load_symmetric(own.D[m]):
-            i = write(out, i, pull * slope)
+        K = scale_symmetric(pull, load_symmetric(own.D[m]))
+        for k in range(6):
+            i = write(out, i, K[k])
     return i
 
 

@@ -170,7 +170,7 @@ class Choice:
         modes = self.modes
         if modes.limit.shape[1] == 0:
             none = np.zeros((len(modes.limit), 1))
-            return NearestMode(np.zeros((len(none), 3)), none, none, none, none)
+            return NearestMode(np.zeros((len(none), 3)), none, none, none, np.zeros(self.corners.shape[:2]))
         over = modes.swing / modes.limit[:, :, None]
         row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
         deflection, speed = over[row, nearest].T[:, :, None]

@@ -34,7 +34,7 @@ static double dot(const double a[3], const double b[3])
 static void read_coupling(const float *observation, const float *mode, double d[3])
 {
     for (int i = 0; i < 3; i++) {
-        const double moment = MOMENTS[i] * (double)(1.0f + observation[SATID_AT_INERTIA + i]);
+        const double moment = MOMENTS[i] * (1.0 + (double)observation[SATID_AT_INERTIA + i]);
         d[i] = (double)mode[COUPLING + i] * sqrt(fmax(moment, 0.0));
     }
 }
