@@ -49,6 +49,7 @@ def modes(w: float, d: np.ndarray, rate: np.ndarray, eta: float, speed: float, l
         turn=np.array([[[np.cos(w * STEP), np.sin(w * STEP)]]]),
         turned=np.array([[w]]),
         limit=np.array([[limit]]),
+        pull=np.zeros((1, 1, 6)),
     )
 
 

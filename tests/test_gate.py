@@ -100,13 +100,17 @@ def test_told_modes_are_those_of_the_plants():
         np.testing.assert_allclose(part[:, AT["deflection_rate"]] / by_limit, speed / limit / w, rtol=1e-5)
         changed = told != observation
         parts = ("deflection", "deflection_rate", "frequency", "frequency_std")
-        assert set(np.flatnonzero(changed.any(axis=0)) - place.start) == {AT[name] for name in parts}
+        pull = observation[:, place][:, AT["centrifugal"] :]
+        pulled = AT["centrifugal"] + np.flatnonzero(pull.any(axis=0))
+        assert set(np.flatnonzero(changed.any(axis=0)) - place.start) == {*(AT[name] for name in parts), *pulled}
         tangent, axis = np.cross(o["direction"][:, 0], o["arm"][:, 0]), o["direction"][:, 0]
         inertance = o["mass"][:, 0] * (tangent**2).sum(axis=1) + np.einsum(
             "ni,nij,nj->n", axis, o["inertia"][:, 0], axis
         )
         cycles = np.sqrt(o["stiffness"][:, 0] / inertance) / (2.0 * np.pi)  # a decision is a second
         np.testing.assert_allclose(part[:, AT["frequency"]], cycles, rtol=1e-6)
+        slower = observation[:, place.start + AT["frequency"]] / cycles
+        np.testing.assert_allclose(part[:, AT["centrifugal"] :], pull * slower[:, None] ** 2, rtol=1e-5)
         assert (part[:, AT["frequency_std"]] == -10.0).all()
 
 
