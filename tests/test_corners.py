@@ -45,7 +45,7 @@ def modes(w: float, d: np.ndarray, rate: np.ndarray, eta: float, speed: float, l
         most=np.full((1, 3), 10.0),
         swing=np.array([[[eta, speed]]]),
         direction=(d / size)[None, None],
-        bent=np.array([[size / (w * w * STEP)]]),
+        bent=np.array([[size / w**2]]),  # a decision is a second
         turn=np.array([[[np.cos(w * STEP), np.sin(w * STEP)]]]),
         turned=np.array([[w]]),
         limit=np.array([[limit]]),
@@ -81,7 +81,7 @@ def test_what_can_follow_a_turn_is_all_that_is_asked_of_it():
         peak = 0.0
         for _ in range(count):
             change = lag * (command - rate)
-            centre = -given.bent[0, 0] * (given.direction[0, 0] @ change)
+            centre = -given.bent[0, 0] / STEP * (given.direction[0, 0] @ change)
             rate, state = rate + change, centre + (state - centre) * turn
             peak = max(peak, abs(state.real) / 1.5)
         return rate, state, peak

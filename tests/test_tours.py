@@ -244,7 +244,7 @@ def test_what_a_tour_takes_of_panels_is_of_the_mode_nearest_to_its_limit():
     modes = ObservedModes([mission("flex")], 1.0, 0.0).read(bent(0.8))
     given = dict.fromkeys(("wait_score", "fixes", "foreseen", "peak", "craft", "waited", "reverses"))
     choice = Choice(seen={}, corners=rates, modes=modes, period=1.0, decisions=300, **given)
-    np.testing.assert_allclose(choice.mode.pull, [[-0.8, 0.8]])
+    np.testing.assert_allclose(choice.pull, [[-0.8, 0.8]])
 
 
 @pytest.mark.compiled

@@ -26,14 +26,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.control.observed_modes import STEPS, Modes, pulled_by
+from satid_gym.control.observed_modes import TINY, Modes, pulled_by
 from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, kernel, outline
 
 _SLACK = 1.0 + 1e-9  # what a mode at rest may be bent to is within its limit, however that is rounded
 _LARGE = 1e6  # cost of what does not spare it
 _CHOICES = 20  # to either side, of the largest change
-_TINY = 1e-12  # of a length, so that none is divided by 0
 _FARTHEST, _HALVINGS = 100.0, 45  # of a bisection, whose place is then known to some 1e-12
 _CHANGE_MAX = 2.0 * np.sqrt(3.0)  # change that is ever wanted along a direction, in rate limits: all three reverse
 
@@ -61,7 +60,7 @@ def shaped(
 
 def bearable(modes: Modes, rates: np.ndarray, share: float) -> np.ndarray:
     """Rates (N, K, 3) over the limit, made smaller where their rotation pulls a mode beyond a share of its limit."""
-    room = share * modes.limit[:, None] / np.maximum(np.abs(modes.pulled(rates)), _TINY)
+    room = share * modes.limit[:, None] / np.maximum(np.abs(modes.pulled(rates)), TINY)
     return rates * np.sqrt(np.minimum(room, 1.0)).min(axis=2, initial=1.0)[:, :, None]
 
 
@@ -75,7 +74,7 @@ def shape_many(modes, held, wanted, edge, share, rates, most):
         for m in range(modes.limit.shape[1]):
             largest = _largest_at_rest(modes, i, m, share[i])
             for k in range(3):
-                most[i, k] = min(most[i, k], largest / max(abs(modes.direction[i, m, k]), _TINY))
+                most[i, k] = min(most[i, k], largest / max(abs(modes.direction[i, m, k]), TINY))
         for c in range(wanted.shape[1]):
             for k in range(3):
                 change[k] = wanted[i, c, k] - held[i, k]
@@ -87,22 +86,16 @@ def shape_many(modes, held, wanted, edge, share, rates, most):
 
 
 @inline
-def _bent_in_decision(modes, i, m):
-    """eta_0 by change of the rate along d in a decision."""
-    return max(modes.bent[i, m] / STEPS, _TINY)
-
-
-@inline
 def _largest_at_rest(modes, i, m, share):
     """Largest change of the rate along d, rate limits, that spares mode m of episode i when it is at rest."""
-    return min(0.5 * share * modes.limit[i, m] / _bent_in_decision(modes, i, m), _CHANGE_MAX)
+    return min(0.5 * share * modes.limit[i, m] / max(modes.bent[i, m], TINY), _CHANGE_MAX)
 
 
 @outline
 def _spared(modes, i, m, change, rate, share):
     """Change of the rate along d, rate limits, nearest to that of a wanted change (3,) to a rate (3,), that spares mode
     m of episode i."""
-    bent, limit, turned = _bent_in_decision(modes, i, m), modes.limit[i, m], modes.turned[i, m]
+    bent, limit, turned = max(modes.bent[i, m], TINY), modes.limit[i, m], modes.turned[i, m]
     wanted, pulled = dot(load(modes.direction[i, m]), load(change)), pulled_by(modes, i, m, load(rate))
     most, reach = _largest_at_rest(modes, i, m, share), min(limit / bent, _CHANGE_MAX)
     x, y, room = modes.swing[i, m, 0] - pulled, modes.swing[i, m, 1], _SLACK * share * limit - abs(pulled)

@@ -21,9 +21,9 @@ from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES, observed_
 from satid_gym.policy import Mission
 
 _READ = ("rate", "control_authority", "inertia", "modes", "time_left")  # parts of the observation
-_TINY = 1e-12  # of a length, so that none is divided by 0
+TINY = 1e-12  # of a length, so that none is divided by 0
 _AHEAD = 8  # decisions in which rates settle
-STEPS = 4  # of a decision, in which accelerations are taken to be constant
+_STEPS = 4  # of a decision, in which accelerations are taken to be constant
 
 
 class Modes(NamedTuple):
@@ -34,7 +34,7 @@ class Modes(NamedTuple):
         most: (N, 3) change of it in a step that the wheels have torque for.
         swing: (N, modes, 2) deflection, and its rate over w.
         direction: (N, modes, 3) unit vector of d.
-        bent: (N, modes) eta_0 by change of the rate along d in a step.
+        bent: (N, modes) eta_0 by change of the rate along d in a decision.
         turn: (N, modes, 2) cosine and sine of w times a step.
         turned: (N, modes) w times a decision.
         limit: (N, modes) share of the limit of deflection; infinite where there is none.
@@ -54,9 +54,9 @@ class Modes(NamedTuple):
 
     def pulled(self, rates: np.ndarray) -> np.ndarray:
         """Deflection (N, K, modes) to which the rotation pulls the modes at rates (N, K, 3) over the limit."""
-        x, y, z = np.moveaxis(rates, 2, 0)
-        squares = np.stack([x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z], axis=2)
-        return squares @ self.pull.transpose(0, 2, 1)
+        pulled = np.empty((*rates.shape[:2], self.pull.shape[1]))
+        pulled_many(self, np.ascontiguousarray(rates), pulled)
+        return pulled
 
     def of(self, rows: np.ndarray) -> Modes:
         """Modes of some episodes."""
@@ -93,7 +93,7 @@ class ObservedModes:
         self._share = check_number("share", share, high=1.0, strict=True)
         self._caution = check_number("caution", caution)
         self._layout = first.layout
-        self._lag = 1.0 - np.exp(-first.scenario.tracking_bandwidth * first.scenario.decision_period / STEPS)
+        self._lag = 1.0 - np.exp(-first.scenario.tracking_bandwidth * first.scenario.decision_period / _STEPS)
         self._all_moments = np.stack([np.diag(mission.prior.inertia) for mission in missions])
         self._moments = self._all_moments[:1]
         self._sheet = np.zeros((0, 0, 2))  # w T and |d| of the data sheet, (N, modes)
@@ -120,16 +120,16 @@ class ObservedModes:
         size = np.linalg.norm(coupling, axis=2)
         self._note(np.stack([2.0 * np.pi * part["frequency"], size], axis=2), seen["time_left"][:, 0] >= 1.0)
         slower = np.exp(-self._caution * observed_std(part["frequency_std"]))
-        turned = np.maximum(2.0 * np.pi * part["frequency"] * slower, _TINY)
+        turned = np.maximum(2.0 * np.pi * part["frequency"] * slower, TINY)
         own, limit = self._sheet[:, :, 0] / turned, part["deflection_limit"]
         given = np.where((limit > 0.0) & (limit < BOUND), limit, np.inf)  # 0 of a mode that no rotation excites
         return Modes(
             seen["rate"],
-            seen["control_authority"] / STEPS,
+            seen["control_authority"] / _STEPS,
             np.stack([part["deflection"], part["deflection_rate"] * own], axis=2),
-            coupling / np.maximum(size, _TINY)[:, :, None],
-            size / np.maximum(self._sheet[:, :, 1], _TINY) * own / turned * STEPS,
-            np.stack([np.cos(turned / STEPS), np.sin(turned / STEPS)], axis=2),
+            coupling / np.maximum(size, TINY)[:, :, None],
+            size / np.maximum(self._sheet[:, :, 1], TINY) * own / turned,
+            np.stack([np.cos(turned / _STEPS), np.sin(turned / _STEPS)], axis=2),
             turned,
             self._share * given,
             modes[:, :, MODE_PLACES["centrifugal"] :] / slower[:, :, None] ** 2,
@@ -162,6 +162,15 @@ def pulled_by(modes, i, m, rate):
     return dot(rate, multiply((K[0], K[1], K[2], K[3], K[4], K[5]), rate))
 
 
+@kernel
+def pulled_many(modes, rates, pulled):
+    """See `Modes.pulled`."""
+    for i in range(rates.shape[0]):
+        for c in range(rates.shape[1]):
+            for m in range(pulled.shape[2]):
+                pulled[i, c, m] = pulled_by(modes, i, m, load(rates[i, c]))
+
+
 @inline
 def _approach(rate, command, most, lag):
     """Change of a rate in a step."""
@@ -180,7 +189,7 @@ def _steps(modes, i, command, lag, steps, rate, swing, enough):
         rate[0], rate[1], rate[2] = rate[0] + x, rate[1] + y, rate[2] + z
         for m in range(swing.shape[0]):
             cosine, sine = modes.turn[i, m]
-            centre = -modes.bent[i, m] * dot((x, y, z), load(modes.direction[i, m]))
+            centre = -_STEPS * modes.bent[i, m] * dot((x, y, z), load(modes.direction[i, m]))
             off, speed = swing[m, 0] - centre, swing[m, 1]
             swing[m, 0] = centre + off * cosine + speed * sine
             swing[m, 1] = speed * cosine - off * sine
@@ -194,7 +203,7 @@ def _steps(modes, i, command, lag, steps, rate, swing, enough):
 def _peak_if_kept(modes, i, command, lag, rate, swing, enough):
     """Largest deflection over its limit under a command that stays, ringing afterwards included; or the first that is
     at least `enough`."""
-    peak = _steps(modes, i, command, lag, _AHEAD * STEPS, rate, swing, enough)
+    peak = _steps(modes, i, command, lag, _AHEAD * _STEPS, rate, swing, enough)
     for m in range(swing.shape[0]):
         peak = max(peak, np.hypot(swing[m, 0], swing[m, 1]) / modes.limit[i, m])
     return peak
@@ -218,7 +227,7 @@ def peaks_of_turns_many(modes, choices, lag, decisions, peaks):
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
             turned[:], turned_swing[:] = modes.rate[i], modes.swing[i]
-            first = _steps(modes, i, choices[i, c], lag, decisions * STEPS, turned, turned_swing, np.inf)
+            first = _steps(modes, i, choices[i, c], lag, decisions * _STEPS, turned, turned_swing, np.inf)
             least = np.inf
             for after in range(choices.shape[1]):
                 rate[:], swing[:] = turned, turned_swing

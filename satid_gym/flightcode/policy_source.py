@@ -14,6 +14,7 @@ from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import RateMargin
+from satid_gym.core.observation import MODE_PARTS, MODE_PLACES
 from satid_gym.flightcode.c_types import number
 from satid_gym.flightcode.layout import lines_of
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
@@ -191,6 +192,8 @@ def _shaped(pilot: Pilot, policy: ShapedSquarePolicy) -> PolicySource:
     for name in ("period", "share", "caution", "dwell", "amplitude"):
         source.numbers[name.upper()] = number(getattr(policy, name))
     source.numbers["MOMENTS"] = _braces(np.diag(pilot.mission.prior.inertia))
+    source.numbers |= {f"MODE_{name.upper()}": str(place) for name, place in MODE_PLACES.items()}
+    source.numbers["MODE_PARTS"] = str(sum(MODE_PARTS.values()))
     return source
 
 

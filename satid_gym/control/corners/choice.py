@@ -25,17 +25,17 @@ class NearestMode(NamedTuple):
     """Mode nearest to its limit, of N episodes; zeros where there is none.
 
     Attributes:
+        number: (N,) which it is.
         direction: (N, 3) unit vector of d.
         deflection, speed: (N, 1) eta and deta/dt / w, over the limit.
         frequency: (N, 1) ln(w T).
-        pull: (N, 8) deflection to which the rotation of a corner pulls it, over the limit.
     """
 
+    number: np.ndarray
     direction: np.ndarray
     deflection: np.ndarray
     speed: np.ndarray
     frequency: np.ndarray
-    pull: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -170,13 +170,20 @@ class Choice:
         modes = self.modes
         if modes.limit.shape[1] == 0:
             none = np.zeros((len(modes.limit), 1))
-            return NearestMode(np.zeros((len(none), 3)), none, none, none, np.zeros(self.corners.shape[:2]))
+            return NearestMode(np.zeros(len(none), int), np.zeros((len(none), 3)), none, none, none)
         over = modes.swing / modes.limit[:, :, None]
         row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
         deflection, speed = over[row, nearest].T[:, :, None]
         frequency = np.log(np.maximum(modes.turned[row, nearest], _SLOWEST))[:, None]
-        pull = modes.pulled(self.corners)[row, :, nearest] / modes.limit[row, nearest][:, None]
-        return NearestMode(modes.direction[row, nearest], deflection, speed, frequency, pull)
+        return NearestMode(nearest, modes.direction[row, nearest], deflection, speed, frequency)
+
+    @cached_property
+    def pull(self) -> np.ndarray:
+        """(N, 8) deflection to which the rotation of a corner pulls it, over the limit; 0 where there is none."""
+        if self.modes.limit.shape[1] == 0:
+            return np.zeros(self.corners.shape[:2])
+        row, nearest = np.arange(len(self.corners)), self.mode.number
+        return self.modes.pulled(self.corners)[row, :, nearest] / self.modes.limit[row, nearest][:, None]
 
     @cached_property
     def drive(self) -> np.ndarray:

@@ -7,17 +7,14 @@
 #include "command.h"
 
 #define PI 3.141592653589793
-#define BOUND 10.0      /* of what is observed */
-#define SLACK (1.0 + 1e-9) /* however the limit is rounded */
-#define LARGE 1e6       /* cost of what does not spare a mode */
-#define TINY 1e-12      /* of a length, so that none is divided by 0 */
-#define FARTHEST 100.0  /* of a bisection */
+#define BOUND 10.0          /* of what is observed */
+#define SLACK (1.0 + 1e-9)  /* however the limit is rounded */
+#define LARGE 1e6           /* cost of what does not spare a mode */
+#define TINY 1e-12          /* of a length, so that none is divided by 0 */
+#define FARTHEST 100.0      /* of a bisection */
 #define HALVINGS 45
 #define CHANGE_MAX (2.0 * sqrt(3.0))
-#define SIDE 41         /* choices of a change of rate, of each kind */
-#define PARTS 17        /* numbers observed of a mode */
-
-enum { DEFLECTION, DEFLECTION_RATE, DEFLECTION_LIMIT, FREQUENCY, FREQUENCY_STD, COUPLING, CENTRIFUGAL = 11 };
+#define SIDE 41             /* choices of a change of rate, of each kind */
 
 static const double MOMENTS[3] = SATID_MOMENTS; /* kg m^2, of the prior */
 
@@ -35,14 +32,14 @@ static void read_coupling(const float *observation, const float *mode, double d[
 {
     for (int i = 0; i < 3; i++) {
         const double moment = MOMENTS[i] * (1.0 + (double)observation[SATID_AT_INERTIA + i]);
-        d[i] = (double)mode[COUPLING + i] * sqrt(fmax(moment, 0.0));
+        d[i] = (double)mode[SATID_MODE_COUPLING + i] * sqrt(fmax(moment, 0.0));
     }
 }
 
 /* Deflection to which a rotation pulls the mode, were it as quick as is estimated. */
 static double pull_of(const float *mode, const double rate[3])
 {
-    const float *k = mode + CENTRIFUGAL;
+    const float *k = mode + SATID_MODE_CENTRIFUGAL;
     const double x = rate[0], y = rate[1], z = rate[2];
     return (double)k[0] * x * x + (double)k[1] * y * y + (double)k[2] * z * z
            + 2.0 * ((double)k[3] * x * y + (double)k[4] * x * z + (double)k[5] * y * z);
@@ -51,13 +48,14 @@ static double pull_of(const float *mode, const double rate[3])
 /* Change of the rate along d nearest to the wanted one that spares the mode; the largest that does of one at rest. */
 static double spare(const float *mode, double nominal, double growth, double wanted, double pull, double *most)
 {
-    const double slower = exp(-SATID_CAUTION * pow(10.0, (double)mode[FREQUENCY_STD] - 2.0));
-    const double turned = 2.0 * PI * (double)mode[FREQUENCY] * slower, pulled = pull / (slower * slower);
-    const double limited = (double)mode[DEFLECTION_LIMIT];
+    const double slower = exp(-SATID_CAUTION * pow(10.0, (double)mode[SATID_MODE_FREQUENCY_STD] - 2.0));
+    const double turned = 2.0 * PI * (double)mode[SATID_MODE_FREQUENCY] * slower, pulled = pull / (slower * slower);
+    const double limited = (double)mode[SATID_MODE_DEFLECTION_LIMIT];
     const double given = limited > 0.0 && limited < BOUND ? limited : (double)INFINITY;
     const double bent = fmax(growth * nominal / (turned * turned), TINY), limit = SATID_SHARE * given;
     const double reach = fmin(given / bent, CHANGE_MAX);
-    const double x = (double)mode[DEFLECTION] - pulled, y = (double)mode[DEFLECTION_RATE] * nominal / turned;
+    const double x = (double)mode[SATID_MODE_DEFLECTION] - pulled;
+    const double y = (double)mode[SATID_MODE_DEFLECTION_RATE] * nominal / turned;
     double best = 0.0, least = INFINITY;
     *most = fmin(0.5 * limit / bent, CHANGE_MAX);
     for (int i = 0; i < 2 * SIDE + 1; i++) {
@@ -116,12 +114,12 @@ void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERV
         slowest[i] = INFINITY;
     }
     for (int m = 0; m < SATID_MODES; m++) {
-        const float *mode = observation + SATID_AT_MODES + PARTS * m;
+        const float *mode = observation + SATID_AT_MODES + SATID_MODE_PARTS * m;
         double d[3], size, given, most;
         read_coupling(observation, mode, d);
         size = sqrt(dot(d, d));
         if (policy->begun == 0) { /* the first observation is that of the data sheet */
-            policy->nominal[m] = 2.0 * PI * (double)mode[FREQUENCY];
+            policy->nominal[m] = 2.0 * PI * (double)mode[SATID_MODE_FREQUENCY];
             policy->size[m] = size;
         }
         for (int i = 0; i < 3; i++) {
