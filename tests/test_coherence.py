@@ -76,7 +76,7 @@ def test_an_inertia_that_stays_is_not_doubted_for_a_rest():
 @pytest.mark.compiled
 @pytest.mark.parametrize("inertia", ["static", "step", "drift", "periodic"])
 @pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
-def test_the_filter_is_honest_between_and_in_imaging_windows(satellite, inertia):
+def test_the_filter_is_consistent_between_and_in_imaging_windows(satellite, inertia):
     for policy in (SwingBetweenPolicy(), find("window_tour")):
         flight = flown(
             Cell(scenario="operations", satellite=satellite, inertia=inertia), policy, seeds("validation", 16)

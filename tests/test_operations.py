@@ -387,7 +387,7 @@ def test_a_step_of_the_inertia_at_rest_is_found_once_the_body_turns(satellite, p
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
-def test_the_filter_is_honest_from_the_first_second(satellite):
+def test_the_filter_is_consistent_from_the_first_second(satellite):
     """One reading at full torque takes the moments from 30 % to 3, and one linearisation is far off then.
 
     What that left was later taken for a step of the inertia.

@@ -194,7 +194,7 @@ def error_over_std(pilot, flight):
 
 
 @cases("kind", ["jitter", "missing gyro", "missing wheels", "gap", "NaN"])
-def test_irregular_and_missing_readings_leave_the_estimate_honest(kind):
+def test_irregular_and_missing_readings_leave_the_estimate_consistent(kind):
     """Error within 4 standard deviations of what the pilot claims, on the readings that came through."""
     rng = np.random.default_rng(3)
 

@@ -82,7 +82,7 @@ def test_the_satellite_of_the_page_on_your_own_is_identified():
     assert 0.1 < scores["nees"].mean() < 3.0
 
 
-def test_a_product_too_small_to_matter_leaves_the_filter_of_three_moments_honest():
+def test_a_product_too_small_to_matter_leaves_the_filter_of_three_moments_consistent():
     small = with_product(0.99 * PRODUCT_MIN)
     assert problem(small).parameters == "principal"
     assert problem(with_product(1.01 * PRODUCT_MIN)).parameters == "full"

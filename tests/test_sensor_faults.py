@@ -409,7 +409,7 @@ HARD = {
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", [*SWITCHES, "all"])
-def test_filter_stays_honest_and_recovers(name):
+def test_filter_stays_consistent_and_recovers(name):
     """Mean NEES between 0.1 and 2 from 30 s on, faults and all; error back below 1 % within 20 s after the last."""
     given = HARD[name] if name != "all" else {key: value for part in HARD.values() for key, value in part.items()}
     scenario = world(240.0, **given).replace(gyro_bias_walk=1e-6)
@@ -517,7 +517,7 @@ def test_what_an_estimator_says_it_accepted_is_checked(accepted):
 @pytest.mark.compiled
 @pytest.mark.parametrize("new", [MomentumEKF, FilterpyMomentumEKF])
 def test_a_change_is_dated_by_its_first_rejection_through_an_outage(new, microsat):
-    """J steps, a reading is rejected, the gyro is gone for 3 s, another is rejected; the third leaves honesty."""
+    """J steps, a reading is rejected, the gyro is gone for 3 s, another is rejected; the filter stays consistent."""
     speed = 0.5 * microsat.wheels.max_speed * [1.0, -1.0, 1.0]
     flight = simulate(
         microsat, np.zeros((300, 3)), 0.1, omega0=(0.02, -0.03, 0.01), wheel_speed0=speed,

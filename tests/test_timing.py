@@ -1,4 +1,4 @@
-"""Sensors of a data sheet: what late, averaged and counted readings are, and how the filter stays honest with them."""
+"""Sensors of a data sheet: what late, averaged and counted readings are, and a filter that is consistent with them."""
 
 import json
 from dataclasses import replace

@@ -194,11 +194,11 @@ def ladders_table(results: Mapping[str, Any]) -> str:
     head = ["scenario", "satellite", *(RUNGS[rung] for rung in shown)]
     revisions = sorted({row["revision"][:7] for row in flown})
     judged = [row for row in flown if row.get("nees") is not None]
-    honest, worst = sum(map(is_consistent, judged)), max(row["nees"] for row in judged)
+    consistent, worst = sum(map(is_consistent, judged)), max(row["nees"] for row in judged)
     source = (
         f"Inertia {', '.join(settings['inertias'])}; {settings['episodes']} {results['seeds']['split']} episodes a cell"
         + (f", {settings['oracle']} of the oracle" if settings["oracle"] else "")
-        + f"; mean NEES in [0.3, 2] in {honest} of {len(judged)} cells of all policies, at most {worst:.1f}"
+        + f"; mean NEES in [0.3, 2] in {consistent} of {len(judged)} cells of all policies, at most {worst:.1f}"
         + f"; revision {', '.join(revisions)}; `{results['command']}`."
     )
     return table(head, rows, text_columns=2 + len(shown)) + "\n\n" + source

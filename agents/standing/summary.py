@@ -120,7 +120,7 @@ def _over_cells(mine: Sequence[Row]) -> Row:
         "policy": mine[0]["policy"],
         "cells": len(mine),
         "inside": sum(r["inside"] for r in mine),
-        "honest": sum(map(is_consistent, mine)),
+        "consistent": sum(map(is_consistent, mine)),
         "expected": mean_expected_error(mine),
         "cost": max(r["cost"] for r in mine),
         "decision_ms": mine[0]["decision_ms"],
@@ -157,5 +157,5 @@ def _show(steps: Sequence[Row]) -> None:
     for step in steps:
         error = "-" if step["expected"] is None else f"{100.0 * step['expected']:.4f}"
         over = "-" if step["over_best"] is None else f"{step['over_best']:.2f}"
-        kept = f"inside in {step['inside']} of {step['cells']} cells, NEES honest in {step['honest']}"
+        kept = f"inside in {step['inside']} of {step['cells']} cells, filter consistent in {step['consistent']}"
         print(f"  {RUNGS[step['rung']]:12s} {step['policy']:16s} {error:>8s} %  {over:>6s} of the best  {kept}")

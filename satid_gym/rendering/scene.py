@@ -165,7 +165,7 @@ class Scene:
         self.canvas.polygon(hub + 0.24 * (near - hub), colour)
 
     def body_axes(self, cones: Sequence[Dome]) -> None:
-        """Draw the body axes, from the faces of the box outward, with their names beside the cones."""
+        """Draw the body axes, from the faces of the box outward, with their names next to the cones."""
         for i, name in enumerate("xyz"):
             axis = self.to_view[:, i]
             reach = self.scale * 0.5 * float(np.abs(self.box_to_view.T @ axis) @ self.edges)

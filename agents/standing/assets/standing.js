@@ -61,7 +61,7 @@ const COLUMNS = [
   {
     key: "nees", label: "NEES\n(median)", value: (row) => (row.nees === null ? "-" : `${digits3(row.nees)} (${digits3(row.nees_median)})`),
     meaning: "Squared error over what the filter itself expects, per parameter: mean over episodes, without the 10 s after a step of " +
-      "the inertia, and median. About 1: the filter is honest. Far above 1: it claims more than it knows.",
+      "the inertia, and median. About 1: the filter is consistent. Far above 1: it claims more than it knows.",
   },
   ...unique(data.rows.flatMap((row) => Object.keys(row.costs ?? {}))).map((name) => ({
     key: `cost ${name}`, label: `${name.replace("_", " ")}\n%`, meaning: `Cost "${name}": share of the time beyond its limit.`,
@@ -143,7 +143,7 @@ function showReplay() {
   chosen.pilots = episode.shown;
   byId("of-episode").textContent = `scenario ${chosen.scenario}, ${episode.satellite}, ${episode.inertia_mode}`;
   byId("episode-note").textContent =
-    `Seed ${episode.seed}: ${chosen.pilots.join(" beside ")}, the best of those built by hand and of what learns or plans. World ` +
+    `Seed ${episode.seed}: ${chosen.pilots.join(" next to ")}, the best of those built by hand and of what learns or plans. World ` +
     "and noise are the same for both. Drag the picture, or use the arrow keys on it, to look from elsewhere; the space bar plays and pauses.";
   describeFlight();
   makeViews();

@@ -87,8 +87,8 @@ def with_reversals(network: Network, command: slice) -> Network:
 class SwitchedVecEnv(RateCommandVecEnv):
     """`RateCommandVecEnv` whose actions are switches that stay for some decisions, which are one step.
 
-    As in flight, every episode begins with a command of its own: those that `stagger` starts later begin a whole number
-    of steps later, and what follows an episode that ends within a step begins with the next step.
+    As in flight, every episode begins with a command of its own: those that `stagger` starts later begin at
+    one of the next steps, and what follows an episode that ends within a step begins with the next step.
 
     Args:
         num_envs: number of environments.

@@ -133,7 +133,7 @@ function showEpisode() {
     ["Moments of inertia", "dashed: truth; lines: estimate; bands: three standard deviations, as the filter believes", (f) => momentsFigure(f, range)],
     [
       "Estimate less truth, in the filter's standard deviations",
-      "bands: three standard deviations, \u03c3; the scale is linear inside them and logarithmic beyond; an honest filter stays inside nearly always, but for a moment after a step of the inertia",
+      "bands: three standard deviations, \u03c3; the scale is linear inside them and logarithmic beyond; a consistent filter stays inside nearly always, but for a moment after a step of the inertia",
       (f) => deviationFigure(f, most),
       withinThree,
     ],

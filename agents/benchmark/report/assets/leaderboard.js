@@ -52,7 +52,7 @@ const COLUMNS = [
     key: "nees",
     label: "NEES",
     meaning:
-      "Squared error over what the filter itself expects, per parameter. About 1: the filter is honest. Far above " +
+      "Squared error over what the filter itself expects, per parameter. About 1: the filter is consistent. Far above " +
       "1: it claims more than it knows. The 10 s after a step of the inertia are left out.",
     cell: plain("nees", (value) => value.toFixed(2)),
   },

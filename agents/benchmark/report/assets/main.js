@@ -43,13 +43,13 @@ function describeEpisode() {
   };
   byId("of-episode").textContent = `scenario ${scenario}, ${episode.satellite}, ${episode.inertia_mode}`;
   byId("episode-note").textContent =
-    `Seed ${episode.seed}: ${flights().map(said).join(" beside ")}. ` +
+    `Seed ${episode.seed}: ${flights().map(said).join(" next to ")}. ` +
     "Any policy of the comparison can be chosen. " +
     "World and noise are the same for all. Drag the picture, or use the arrow keys on it, to look from elsewhere; the " +
     "space bar plays and pauses.";
 }
 
-/** The policies that fly the episode: any one, alone or beside any other. */
+/** The policies that fly the episode: any one, alone or next to any other. */
 function fillPilots() {
   const names = episode.flights.map((f) => f.policy);
   for (const [i, id] of ["pilot-0", "pilot-1"].entries()) {
