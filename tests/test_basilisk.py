@@ -29,11 +29,15 @@ from satid_gym import (
     Tolerances,
     simulate,
 )
+from satid_gym.appendages import panel_pair
 from satid_gym.core import kernels
+from satid_gym.core.observation import MODE_PLACES
 from satid_gym.estimators import AdaptiveEKF
+from satid_gym.evaluation import fly, seeds
 from satid_gym.fleet import Fleet
 from satid_gym.friction import WheelFriction
 from satid_gym.oscillators import Oscillator, Panel
+from satid_gym.policies import find
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
@@ -562,6 +566,38 @@ def test_an_episode_on_basilisks_truth_is_that_on_the_environments_own(world):
     ours, theirs = flown
     assert ours[-1, 0] < 1e-3
     np.testing.assert_allclose(ours, theirs, rtol=1e-4)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_rotation_pulls_basilisks_panels_as_far_as_is_observed(side):
+    """Rates about the panels' own axis and the third bend them for as long as they stay."""
+    panels = panel_pair(SATELLITES["microsat"], 0.1, 0, 2, frequency=0.1, damping=0.2, deflection_limit=0.01)
+    quiet = {"torque_noise": 0.0, "inertia_std": 0.0, "disturbance_scale": 0.0, "solar_pressure": 0.0}
+    satellite = SATELLITES["microsat"].replace(oscillators=[panels])
+    env = SatInertiaIDEnv(satellite, "static", quiet, control="rate", observation="body", truth=BasiliskTruth())
+    env.reset(seed=0)
+    for _ in range(120):
+        observation, _, _, _, info = env.step(np.array([0.8, 0.8 * side, 0.0], np.float32))
+    seen = observation[env.layout["modes"]]
+    x, y, _ = observation[env.layout["rate"]].astype(float)
+    K = seen[MODE_PLACES["centrifugal"] :].astype(float)
+    pulled = K[0] * x * x + K[1] * y * y + 2.0 * K[3] * x * y  # z hardly turns
+    assert np.sign(pulled) == np.sign(seen[MODE_PLACES["deflection"]])
+    of_limit = np.abs(info["deflection"]) / panels.deflection_limit
+    np.testing.assert_allclose(of_limit, abs(pulled) / seen[MODE_PLACES["deflection_limit"]], rtol=0.05)
+
+
+def test_panel_tour_spares_basilisks_panels():
+    """Slow panels of cubesat, which full rates pull nearly to their limit; not as heavy and slow as expected."""
+    panels = panel_pair(
+        SATELLITES["cubesat"], 0.15, 0, 2, frequency=0.1, damping=0.005, deflection_limit=np.radians(0.5)
+    )
+    satellite = SATELLITES["cubesat"].replace(oscillators=[panels.replace(**STD)])
+    cell = {"satellite": satellite, "inertia": "static", "seeds": seeds("validation", 6), "control": "rate"}
+    own, theirs = (fly(find("panel_tour"), truth=truth, **cell).scores() for truth in (None, BasiliskTruth))
+    assert own["cost"].mean() <= 0.01
+    for name in ("cost", "mean_error", "final_error", "nees"):
+        np.testing.assert_allclose(theirs[name], own[name], rtol=0.05, atol=1e-4)
 
 
 def test_basilisk_in_the_loop():
