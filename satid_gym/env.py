@@ -111,8 +111,8 @@ the axis of d oscillates up to 1, a reversal up to 2 |
     | coupling_std | 1 | log10(filter's std of log abs(d)) + 2; -10 where it is 0 |
     | damping | 1 | log10(zeta) + 2; -10 where it is 0 |
     | damping_std | 1 | log10(filter's std of log zeta) + 2; -10 where it is 0 |
-    | centrifugal | 6 | xx, yy, zz, xy, xz, yz of the matrix K: body rates r over their limit that stay pull the mode \
-to `deflection` r K r |
+    | centrifugal | 6 | xx, yy, zz, xy, xz, yz of a matrix K: constant body rates r, over their limit, bend the mode \
+to r . K r, in the unit of `deflection` |
 
     ## Attitude in the observation
     With a star tracker both forms have these after the parts above, before those of `include_covariance`, in which the

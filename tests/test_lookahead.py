@@ -164,7 +164,10 @@ def test_a_tour_remembers_what_was_flown_in_place_of_its_choice():
     np.testing.assert_allclose(tour.memory.waited, [[1.0, 5.0, 3.0]])
 
 
-@cases(("name", "scenario", "choices"), [("tank_tour", "slosh", 8), ("window_tour", "operations", 9)])
+@cases(
+    ("name", "scenario", "choices"),
+    [("tank_tour", "slosh", 8), ("window_tour", "operations", 9), ("panel_tour", "operations", 9)],
+)
 @pytest.mark.compiled
 def test_it_flies_the_choice_that_loses_least(name, scenario, choices):
     """By rollouts of two decisions, worked out choice by choice; and the same again after a reset."""
@@ -179,7 +182,8 @@ def test_it_flies_the_choice_that_loses_least(name, scenario, choices):
     firsts, losses = [], []
     for choice in np.eye(choices)[:, : len(CORNERS)]:
         leaves = not choice.any()
-        law = CornerTour([mission], tour.margin, features=tour.corner_features, settle=tour.settle)
+        own = {"features": tour.corner_features, "settle": tour.settle, "is_shaped": tour.is_shaped}
+        law = CornerTour([mission], tour.margin, **own)
         law.begin(COUNT)
         firsts.append(law(observation, lambda _, own=choice: np.tile(own, (COUNT, 1)), leaves))
         second = law(rolled(env, observation, firsts[-1:])[1], tour.score, leaves)

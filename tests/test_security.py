@@ -158,7 +158,7 @@ def test_networks_that_are_none_are_refused(tmp_path):
 def test_heads_that_describe_no_policy_are_refused(tmp_path):
     for head in NO_HEADS:
         path = written(tmp_path, save(network()), **head)
-        with case(head), pytest.raises(ValueError, match=r"x describes no policy"):
+        with case(head), pytest.raises(ValueError, match=r"x\.json describes no policy"):
             LearnedPolicy.load(path)
 
 

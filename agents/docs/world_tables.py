@@ -71,7 +71,7 @@ def looking_ahead() -> str:
 
 def half_way() -> str:
     """`lookahead` next to planners, its policy and the oracle, from the committed flights."""
-    return _gates("lookahead", "flex", "calibration", "operations")
+    return _gates("lookahead", "calibration", "operations")
 
 
 def pairs(scenario: str, policy: str, others: str) -> Callable[[], str]:

@@ -85,6 +85,8 @@ class Evolution:
         check_number("settle", self.settle)
         if self.start is not None and not find(self.start).corner_features:
             raise ValueError(f"start must be a policy that scores corners, such as rigid_tour; {self.start} does not")
+        if self.shaped and SCENARIOS[self.scenario].appendages is None:
+            raise ValueError(f"scenario {self.scenario!r} has no panels or tanks to spare: leave out --shaped")
         if self.horizon is not None:
             check_number("horizon", self.horizon, strict=True)
 

@@ -123,16 +123,16 @@ def _lookaheads(scenario: str) -> list[Trial]:
             for edits, step in ((48, 1.0), (24, 0.5))
         ]
     else:
-        ring = isinstance(SCENARIOS[scenario].appendages, Panels)  # edits bend panels too far
+        has_panels = isinstance(SCENARIOS[scenario].appendages, Panels)  # edits bend panels too far
         given = [
             {
-                "policy": "panel_tour" if ring else "tank_tour",
+                "policy": "panel_tour" if has_panels else "tank_tour",
                 "horizon": 16,
                 "tail": 5.0,
                 "edits": edits,
                 "caution": caution,
             }
-            for edits in ((0,) if ring else (0, 24))
+            for edits in ((0,) if has_panels else (0, 24))
             for caution in (0.0, 1.0, 2.0)
         ]
     return [(own, LookaheadPolicy(**own)) for own in given]

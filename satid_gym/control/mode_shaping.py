@@ -11,11 +11,12 @@ amplitude is
 
     A^2 = (x + d . a / w^2)^2 + (deta/dt / w)^2.
 
-So the rate along d changes in a decision as far as it should, but so that A + |d . a| / w^2, the deflection that then
-follows about the pull, stays within a share of its limit; where it rings beyond that already, so that the decision
-damps it most. w is the filter's estimate less some of its standard deviations, for a mode that is slower bends further.
-Modes are spared one after another: where there are several that the same axes excite, only the last is spared for
-certain.
+So the rate along d changes in a decision as far as it should, but so that the pull, A and |d . a| / w^2 together, the
+largest deflection that can follow, stay within a share of its limit; where it rings beyond that already, so that the
+decision damps it most. The pull is that of the wanted rates, which the decision may not reach; that it grows with the
+deflection itself is left out. w is the filter's estimate less some of its standard deviations, for a mode that is
+slower bends further. Modes are spared one after another: where there are several that the same axes excite, only the
+last is spared for certain.
 
 Deflections are observed over what a step of the rate by its limit rings of the data sheet's mode. The data sheet, w and
 |d|, is what the filter believes when a flight begins. A mode of 10 or more cycles a decision is observed as of 10: it
@@ -30,7 +31,7 @@ from satid_gym.control.observed_modes import TINY, Modes, pulled_by
 from satid_gym.core.algebra import dot, load
 from satid_gym.core.jit import inline, kernel, outline
 
-_SLACK = 1.0 + 1e-9  # what a mode at rest may be bent to is within its limit, however that is rounded
+_SLACK = 1.0 + 1e-9  # so that rounding does not refuse the change that bends a mode at rest to exactly its share
 _LARGE = 1e6  # cost of what does not spare it
 _CHOICES = 20  # to either side, of the largest change
 _FARTHEST, _HALVINGS = 100.0, 45  # of a bisection, whose place is then known to some 1e-12
@@ -53,8 +54,8 @@ def shaped(
         The rates (N, K, 3), and (N, 3) the largest change about each axis that spares the modes when they are at rest.
     """
     rates, most = np.empty(wanted.shape), np.full(held.shape, np.inf)
-    share = np.broadcast_to(np.asarray(share, float), len(held))
-    shape_many(modes, held, np.ascontiguousarray(wanted), edge, share, rates, most)
+    shares = np.full(len(held), 1.0) * share
+    shape_many(modes, held, np.array(wanted, order="C"), edge, shares, rates, most)  # one kernel for all
     return rates, most
 
 

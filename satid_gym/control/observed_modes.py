@@ -3,8 +3,9 @@
 A mode that is excited by an acceleration a of the body swings about eta_0 = -d . a / w^2, a circle of the point
 (eta, deta/dt / w). Rates are foreseen as those of the environment's own loop: a first-order lag, as quick as the
 wheels' torque allows each axis. w is the filter's estimate less some of its standard deviations, for a slower mode
-bends further. Damping, which is small, is left out, and so is the pull of the rotation (`mode_shaping`), which changes
-sign in a tour before a slow mode has followed. `mode_shaping` has the units of what is observed of a mode.
+bends further. Damping, which is small, is left out, and so is the pull of the rotation: in a tour it changes sign
+before a slow tank has followed. Panels do follow it, and are spared by `mode_shaping`, which also has the units of what
+is observed of a mode.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Modes(NamedTuple):
     def pulled(self, rates: np.ndarray) -> np.ndarray:
         """Deflection (N, K, modes) to which the rotation pulls the modes at rates (N, K, 3) over the limit."""
         pulled = np.empty((*rates.shape[:2], self.pull.shape[1]))
-        pulled_many(self, np.ascontiguousarray(rates), pulled)
+        pulled_many(self, np.array(rates, order="C"), pulled)  # writable: one kernel for all
         return pulled
 
     def of(self, rows: np.ndarray) -> Modes:
@@ -114,12 +115,13 @@ class ObservedModes:
         """Modes from observations (N, size); where an episode begins, what is believed is noted as the data sheet."""
         seen = {name: observation[:, self._layout[name]].astype(float) for name in _READ}
         modes = seen["modes"].reshape(len(observation), -1, sum(MODE_PARTS.values()))
-        part = {name: modes[:, :, place] for name, place in MODE_PLACES.items()}
+        several = {name: modes[:, :, place : place + MODE_PARTS[name]] for name, place in MODE_PLACES.items()}
+        part = {name: numbers[:, :, 0] for name, numbers in several.items()}
         moments = np.maximum(self._moments * (1.0 + seen["inertia"][:, :3]), 0.0)
-        coupling = modes[:, :, MODE_PLACES["coupling"] : MODE_PLACES["coupling"] + 3] * np.sqrt(moments)[:, None]
+        coupling = several["coupling"] * np.sqrt(moments)[:, None]
         size = np.linalg.norm(coupling, axis=2)
         self._note(np.stack([2.0 * np.pi * part["frequency"], size], axis=2), seen["time_left"][:, 0] >= 1.0)
-        slower = np.exp(-self._caution * observed_std(part["frequency_std"]))
+        slower = np.maximum(np.exp(-self._caution * observed_std(part["frequency_std"])), TINY)
         turned = np.maximum(2.0 * np.pi * part["frequency"] * slower, TINY)
         own, limit = self._sheet[:, :, 0] / turned, part["deflection_limit"]
         given = np.where((limit > 0.0) & (limit < BOUND), limit, np.inf)  # 0 of a mode that no rotation excites
@@ -132,7 +134,7 @@ class ObservedModes:
             np.stack([np.cos(turned / _STEPS), np.sin(turned / _STEPS)], axis=2),
             turned,
             self._share * given,
-            modes[:, :, MODE_PLACES["centrifugal"] :] / slower[:, :, None] ** 2,
+            several["centrifugal"] / slower[:, :, None] ** 2,
         )
 
     def _note(self, sheet: np.ndarray, begins: np.ndarray) -> None:

@@ -19,7 +19,7 @@ from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
 from satid_gym.policies.network import Network, NetworkMemory
-from satid_gym.policies.policy_file import read_policy, write_policy
+from satid_gym.policies.policy_file import files_of, read_policy, write_policy
 from satid_gym.policies.principal import fitted
 from satid_gym.policy import Kind, Mission
 from satid_gym.problem import CONTROLS
@@ -207,7 +207,8 @@ class LearnedPolicy:
         try:
             return cls(network=network, details=details, **settings)  # older files lack some, which are the defaults
         except (ValueError, TypeError) as error:
-            raise ValueError(f"{path} describes no policy: {error!s}; copy the policy again") from error
+            _, text = files_of(path)
+            raise ValueError(f"{text} describes no policy: {error!s}; copy the policy again") from error
 
 
 def check_name(name: str) -> None:

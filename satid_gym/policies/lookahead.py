@@ -94,6 +94,7 @@ class LookaheadPolicy(FilterMPCPolicy):
         self.policy = copy(self.policy)  # a copy of this one may be flying
         self.policy.reset(mission, seeds)
         self._choices = len(CORNERS) + slews if self._tours else 1
+        self._notes_rates = bool(self.edits) or slews or not self.policy.is_shaped  # half way, a rate has no side
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, 3).
@@ -110,7 +111,7 @@ class LookaheadPolicy(FilterMPCPolicy):
         else:
             action, self._left = plans[best, 0], self._left - 1
         self.policy.memory = after.take(best)
-        if isinstance(before, Memory) and (self.edits or not self.policy.is_shaped):  # half way, a rate has no side
+        if isinstance(before, Memory) and self._notes_rates:
             self.policy.tour.note(before, action)
         return action
 

@@ -32,6 +32,12 @@ def write_policy(path: Path, settings: Mapping[str, Any], network: Network, deta
     write_text(_with_ending(path, ".json"), json.dumps({**head, **details}, indent=2) + "\n")
 
 
+def files_of(path: Path) -> tuple[Path, Path]:
+    """Files of network and settings; `path` with or without an ending."""
+    base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
+    return _with_ending(base, ".safetensors"), _with_ending(base, ".json")
+
+
 def read_policy(path: Path, settings: Sequence[str]) -> tuple[dict[str, Any], Network, dict[str, Any]]:
     """Settings of these names, network and details from the files that `write_policy` wrote.
 
@@ -43,11 +49,10 @@ def read_policy(path: Path, settings: Sequence[str]) -> tuple[dict[str, Any], Ne
         FileNotFoundError: one of the two files is missing.
         ValueError: a file is damaged, of another format, without the checksum, or has invalid content.
     """
-    base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
-    tensors, text = _with_ending(base, ".safetensors"), _with_ending(base, ".json")
+    tensors, text = files_of(path)
     for file in (tensors, text):
         if not file.is_file():
-            raise FileNotFoundError(f"no policy at {base}: {file} is missing; a policy is a pair of files")
+            raise FileNotFoundError(f"no policy at {path}: {file} is missing; a policy is a pair of files")
         if file.stat().st_size > FILE_SIZE_MAX:
             raise ValueError(f"{file} has {file.stat().st_size} bytes, a policy at most {FILE_SIZE_MAX}")
     found = read_json(text, "copy the policy again", keys=["format", "sha256"])

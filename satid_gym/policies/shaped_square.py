@@ -22,8 +22,7 @@ _STAGGER = np.array([0.0, 1.0, 2.0]) / 3.0  # of a period
 class ShapedSquarePolicy:
     """Tracks staggered square waves of body rate, as fast as the modes allow; for control "rate".
 
-    Defaults of period, share, dwell and amplitude are those that the gate of scenario "flex" chose for microsat on
-    tuning seeds; another satellite may want others.
+    Defaults suit microsat in scenario "flex"; `python -m baselines.scenarios.tune` finds those of another satellite.
 
     Args:
         period: least period of the square wave, s.

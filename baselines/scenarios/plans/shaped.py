@@ -38,7 +38,8 @@ def with_true_modes(env: SatInertiaIDVectorEnv, observation: np.ndarray) -> np.n
         part[:, 0, places["deflection"]] = o["deflection"].mean(axis=1) * eta * nominal / rung
         part[:, 0, places["deflection_rate"]] = o["speed"].mean(axis=1) * eta / rung
     cycles = nominal * o["scale"][:, 0, _FREQUENCY] * env.problem.scenario.decision_period / (2.0 * np.pi)
-    part[:, 0, places["centrifugal"] :] *= (part[:, [0], places["frequency"]] / cycles[:, None]) ** 2
+    pull = slice(places["centrifugal"], places["centrifugal"] + MODE_PARTS["centrifugal"])
+    part[:, 0, pull] *= (part[:, [0], places["frequency"]] / cycles[:, None]) ** 2
     part[:, 0, places["frequency"]], part[:, 0, places["frequency_std"]] = cycles, _KNOWN
     told[:, env.problem.layout["modes"]] = part.reshape(len(told), -1)
     return told

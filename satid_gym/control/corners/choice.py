@@ -43,7 +43,8 @@ class Choice:
     """What is known of N episodes when a corner is chosen.
 
     Attributes:
-        seen: parts of the observation by name, (N, size).
+        seen: parts of the observation by name, (N, size); `control_authority` is at most what modes allow where ways
+            are shaped.
         craft: the satellites.
         corners: (N, 8, 3) rates over the limit.
         reverses: (N, 8, 3) whether a corner reverses an axis.
@@ -179,7 +180,7 @@ class Choice:
 
     @cached_property
     def pull(self) -> np.ndarray:
-        """(N, 8) deflection to which the rotation of a corner pulls it, over the limit; 0 where there is none."""
+        """(N, 8) deflection to which a corner's rotation pulls the mode nearest to its limit, over that; 0 without."""
         if self.modes.limit.shape[1] == 0:
             return np.zeros(self.corners.shape[:2])
         row, nearest = np.arange(len(self.corners)), self.mode.number

@@ -99,7 +99,7 @@ RIGID = _without(*_OF_MODES, *_OF_STARS, *_OF_WINDOWS)
 def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:
     """Features that a scenario has: those of modes, of stars and of imaging windows where there are any.
 
-    Of modes a shaped tour takes no peaks: it does not foresee any.
+    A shaped tour forecasts no peaks, so that it has no features of them.
     """
     absent = ["peak"] if is_shaped else []
     if scenario.appendages is None:

@@ -211,7 +211,7 @@ class CornerTour:
     def _open_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
         """Ways straight to the corners."""
         corners = self._corners(observation)
-        return Ways(corners, corners, self._modes.peaks_of_turns(modes, corners), np.array(np.inf))
+        return Ways(corners, corners, self._modes.peaks_of_turns(modes, corners), np.full(corners[:, 0].shape, np.inf))
 
     def _shaped_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
         """Ways to the corners that spare the modes; all are open."""

@@ -48,7 +48,7 @@ static double pull_of(const float *mode, const double rate[3])
 /* Change of the rate along d nearest to the wanted one that spares the mode; the largest that does of one at rest. */
 static double spare(const float *mode, double nominal, double growth, double wanted, double pull, double *most)
 {
-    const double slower = exp(-SATID_CAUTION * pow(10.0, (double)mode[SATID_MODE_FREQUENCY_STD] - 2.0));
+    const double slower = fmax(exp(-SATID_CAUTION * pow(10.0, (double)mode[SATID_MODE_FREQUENCY_STD] - 2.0)), TINY);
     const double turned = 2.0 * PI * (double)mode[SATID_MODE_FREQUENCY] * slower, pulled = pull / (slower * slower);
     const double limited = (double)mode[SATID_MODE_DEFLECTION_LIMIT];
     const double given = limited > 0.0 && limited < BOUND ? limited : (double)INFINITY;
