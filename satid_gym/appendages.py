@@ -14,6 +14,7 @@ from satid_gym.oscillators import Oscillator, Panel, SloshMass
 from satid_gym.satellite import Satellite
 
 _SHEETS_MAX = 1000
+_DRAWS_MAX = 1000
 _LOG_STD_MAX = 0.5  # as of an oscillator
 
 
@@ -61,12 +62,14 @@ class Appendages(Config, abc.ABC):
     def equip(self, satellite: Satellite) -> tuple[Satellite, ...]:
         """The satellite with these appendages, once for each data sheet; unchanged if it already is one of these.
 
+        A sheet whose appendages hold more of the inertia than the satellite has is drawn again.
+
         Raises:
-            ValueError: it has oscillators of its own, lacks what places them, or cannot carry them.
+            ValueError: it has oscillators of its own, lacks what places them, or can carry next to none that is drawn.
         """
         bare = satellite.replace(oscillators=())
         rows = [np.random.default_rng([self.seed, i]) for i in range(self.sheets)]
-        equipped = tuple(bare.replace(oscillators=(self.draw(bare, rng),)) for rng in rows)
+        equipped = tuple(self._carried(bare, rng) for rng in rows)
         if not satellite.oscillators:
             return equipped
         if satellite in equipped:
@@ -79,6 +82,19 @@ class Appendages(Config, abc.ABC):
     @abc.abstractmethod
     def draw(self, satellite: Satellite, rng: np.random.Generator) -> Oscillator:
         """One data sheet."""
+
+    def _carried(self, bare: Satellite, rng: np.random.Generator) -> Satellite:
+        """The satellite with the first data sheet drawn that it can carry."""
+        for _ in range(_DRAWS_MAX):
+            oscillator = self.draw(bare, rng)
+            try:
+                return bare.replace(oscillators=(oscillator,))
+            except ValueError as error:
+                reason = error
+        raise ValueError(
+            f"{bare.name} can carry none of {_DRAWS_MAX} data sheets drawn from the scenario's appendages: give these "
+            f"a smaller share; of the last one, {reason}"
+        )
 
     def _drawn(self, rng: np.random.Generator) -> tuple[float, dict[str, Any]]:
         """Share, and settings that all oscillators have."""

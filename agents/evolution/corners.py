@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import itertools
 import json
 import zipfile
 import zlib
@@ -99,13 +100,14 @@ def main(settings: Evolution) -> int:
 
 def validated(policy: LearnedPolicy, settings: Evolution) -> Iterator[str]:
     """Scores on validation seeds, one line a cell."""
-    for i, satellite in enumerate(settings.flies("validation", _DRAWN_VALIDATED)):
-        for inertia in INERTIA_MODES:
-            cell = AnyCell(scenario=settings.scenario, satellite=satellite, inertia=inertia)
-            flight = flown(cell, policy, seeds("validation", settings.validation, 1000 * i * settings.is_drawn))
-            expected, cost = flight.expected.mean(), flight.costs.mean(axis=0).max()
-            name = satellite if isinstance(satellite, str) else satellite.name
-            yield f"{name:16} {inertia:9} expected error {expected:.4%} cost {cost:.2%} NEES {flight.nees.mean():.2f}"
+    flies = enumerate(settings.flies("validation", _DRAWN_VALIDATED))
+    for scenario, (i, satellite), inertia in itertools.product(settings.scenarios, flies, INERTIA_MODES):
+        cell = AnyCell(scenario=scenario, satellite=satellite, inertia=inertia)
+        flight = flown(cell, policy, seeds("validation", settings.validation, 1000 * i * settings.is_drawn))
+        expected, cost = flight.expected.mean(), flight.costs.mean(axis=0).max()
+        name = satellite if isinstance(satellite, str) else satellite.name
+        scores = f"expected error {expected:.4%} cost {cost:.2%} NEES {flight.nees.mean():.2f}"
+        yield f"{scenario:11} {name:16} {inertia:9} {scores}"
 
 
 def _same(settings: Evolution) -> str:

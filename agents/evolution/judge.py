@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -13,20 +14,21 @@ from satid_gym.control.corners.tour import CornerTour
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policy import missions, observation_settings
+from satid_gym.scenario import Scenario
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 _FREE = 0.005  # share of the time beyond a limit that costs nothing
 
 
 class Judge:
-    """Flies weights on tuning seeds."""
+    """Flies weights in one scenario on tuning seeds."""
 
-    def __init__(self, settings: Evolution) -> None:
+    def __init__(self, settings: Evolution, world: Scenario) -> None:
         self._env = SatInertiaIDVectorEnv(
             settings.episodes,
             settings.flies("tuning", settings.drawn),
             "random",
-            settings.world,
+            world,
             control="rate",
             num_threads=1,
             **observation_settings(settings.policy(np.zeros(len(settings.features)))),
@@ -72,25 +74,25 @@ def expected_relative_error(env: SatInertiaIDVectorEnv) -> np.ndarray:
 
 
 class Judges:
-    """Judges that fly side by side."""
+    """Judges of all scenarios, as many of each as fly side by side."""
 
     def __init__(self, settings: Evolution) -> None:
-        self._judges = [Judge(settings) for _ in range(settings.workers)]
+        self._judges = [[Judge(settings, world) for world in settings.worlds] for _ in range(settings.workers)]
         self._pool = ThreadPoolExecutor(settings.workers)
 
     def close(self) -> None:
         """Wait for what flies, and close."""
         self._pool.shutdown()
-        for judge in self._judges:
+        for judge in itertools.chain(*self._judges):
             judge.close()
 
     def __call__(self, points: Sequence[np.ndarray], generation: int) -> list[float]:
-        """Scores of weights."""
+        """Scores of weights, the mean over scenarios."""
         count, scores = len(self._judges), [0.0] * len(points)
 
         def fly_share(k: int) -> None:
             for i in range(k, len(points), count):
-                scores[i] = self._judges[k](points[i], generation)
+                scores[i] = float(np.mean([judge(points[i], generation) for judge in self._judges[k]]))
 
         list(self._pool.map(fly_share, range(count)))
         return scores

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_names, check_number
-from satid_gym.control.corners.features import features_of, takes_walk
+from satid_gym.control.corners.features import FEATURES, features_of, takes_walk
 from satid_gym.control.gaps import SETTLE
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
@@ -27,10 +27,10 @@ class Evolution:
 
     name: str = "tank_tour"
     """What tables call the policy."""
-    scenario: str = "slosh"
-    """Scenario that is flown."""
+    scenarios: tuple[str, ...] = ("slosh",)
+    """Scenarios that are flown, each counting as much."""
     horizon: float | None = None
-    """s that an episode of training lasts. Default: the scenario's."""
+    """s that an episode of training lasts. Default: each scenario's."""
     satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
     """Satellites that fly, the same policy on all; or ("drawn",): as many as `drawn` of any kind."""
     drawn: int = 256
@@ -44,7 +44,7 @@ class Evolution:
     population: int = 14
     """Sets of weights in a generation."""
     episodes: int = 63
-    """Episodes that judge each of them, the same for all of a generation."""
+    """Episodes of each scenario that judge each of them, the same for all of a generation."""
     start: str | None = None
     """Tour whose weights are the first, by name or path. Default: 1 for the waits, `gain` for what a turn tells."""
     gain: float = 1.0
@@ -71,7 +71,7 @@ class Evolution:
     """Folder of the run. Default: runs/NAME-SEED."""
 
     def __post_init__(self) -> None:
-        check_names("scenario", [self.scenario], SCENARIOS)
+        check_names("scenario", self.scenarios, SCENARIOS)
         if not self.is_drawn:
             check_names("satellite", self.satellites, SATELLITES)
         check_name(self.name)
@@ -85,8 +85,8 @@ class Evolution:
         check_number("settle", self.settle)
         if self.start is not None and not find(self.start).corner_features:
             raise ValueError(f"start must be a policy that scores corners, such as rigid_tour; {self.start} does not")
-        if self.shaped and SCENARIOS[self.scenario].appendages is None:
-            raise ValueError(f"scenario {self.scenario!r} has no panels or tanks to spare: leave out --shaped")
+        if self.shaped and all(SCENARIOS[name].appendages is None for name in self.scenarios):
+            raise ValueError(f"no panels or tanks to spare in {', '.join(self.scenarios)}: leave out --shaped")
         if self.horizon is not None:
             check_number("horizon", self.horizon, strict=True)
 
@@ -96,10 +96,10 @@ class Evolution:
         return self.output or Path("runs") / f"{self.name}-{self.seed}"
 
     @property
-    def world(self) -> Scenario:
-        """Scenario of training."""
-        scenario = SCENARIOS[self.scenario]
-        return scenario if self.horizon is None else scenario.replace(horizon=self.horizon)
+    def worlds(self) -> tuple[Scenario, ...]:
+        """Scenarios of training."""
+        worlds = (SCENARIOS[name] for name in self.scenarios)
+        return tuple(world if self.horizon is None else world.replace(horizon=self.horizon) for world in worlds)
 
     @property
     def first(self) -> np.ndarray:
@@ -124,8 +124,9 @@ class Evolution:
 
     @property
     def features(self) -> tuple[str, ...]:
-        """What the score takes."""
-        return features_of(SCENARIOS[self.scenario], self.shaped)
+        """What the score takes: all that one of the scenarios has."""
+        found = {name for world in self.worlds for name in features_of(world, self.shaped)}
+        return tuple(name for name in FEATURES if name in found)
 
     def policy(self, weights: np.ndarray, **details: Any) -> LearnedPolicy:
         """Policy of some weights (features,)."""
