@@ -14,18 +14,19 @@ from satid_gym.policies.shipped import find
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 
-KEPT = ("mean_error", "final_error", "outside_fraction", "saturated_fraction", "nees")
+LIMITS = ("outside_fraction", "saturated_fraction", "cost")  # the last is the largest of all costs
+KEPT = ("mean_error", "final_error", *LIMITS, "nees")
 Row = dict[str, Any]  # a policy in a cell: satellite, wheels, inertia, policy, and a list of episodes of each of KEPT
 
 
-def flown(policy: Policy, satellite: Satellite, inertia: str, seeds: Sequence[int]) -> Row:
+def flown(policy: Policy, scenario: str, satellite: Satellite, inertia: str, seeds: Sequence[int]) -> Row:
     """Scores of one policy in the episodes of a satellite with an inertia mode, by body rates, with the full tensor."""
     scores = fly(
         policy,
         satellite=satellite,
         inertia=inertia,
         seeds=seeds,
-        scenario=benchmark_scenario(),
+        scenario=benchmark_scenario(scenario),
         control="rate",
     ).scores()
     cell = {"satellite": satellite.name, "wheels": satellite.wheels.count, "inertia": inertia, "policy": policy.name}
