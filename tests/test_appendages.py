@@ -10,6 +10,7 @@ from scipy.stats import kstest
 
 from satid_gym import SATELLITES, Pilot, SatInertiaIDEnv, SatInertiaIDVectorEnv, Scenario
 from satid_gym.appendages import Panels, Tank
+from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.modes import Mode, mode_of
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
@@ -71,6 +72,23 @@ def test_same_seed_same_sheets():
         assert same == appendages.equip(body)
         assert few == same[:3], "more sheets leave the first ones as they are"
         assert not set(same) & set(other)
+
+
+def test_a_sheet_that_a_satellite_cannot_carry_is_drawn_again():
+    """Panels of a fifth of each moment fit two axes of a long box, not the third; the others keep their first draw."""
+    (light,) = draw_satellites([2_000_000_002], wheels=4)
+    first = [np.random.default_rng([FLEX.seed, i]) for i in range(FLEX.sheets)]
+    kept = 0
+    for own, sheet in zip((FLEX.draw(light, rng) for rng in first), FLEX.equip(light), strict=True):
+        try:
+            assert light.replace(oscillators=(own,)) == sheet
+            kept += 1
+        except ValueError:
+            assert sheet.oscillators != (own,)
+    assert FLEX.sheets / 2 < kept < FLEX.sheets
+    assert 0.02 < min(shares(FLEX, light)) <= max(shares(FLEX, light)) < 0.25
+    with pytest.raises(ValueError, match=r"can carry none of 1000 data sheets .* a smaller share; of the last one, "):
+        FLEX.equip(light.replace(mass=1e-3 * light.mass))
 
 
 @cases(

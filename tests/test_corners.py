@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from scipy.integrate import solve_ivp
 
 from agents.evolution import corners
 from agents.evolution.corners import main
-from agents.evolution.judge import Judge, expected_relative_error
+from agents.evolution.judge import Judge, Judges, expected_relative_error
 from agents.evolution.settings import Evolution
 from baselines.command.cli import UserError
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
+from satid_gym.control.corners.features import RIGID
 from satid_gym.control.corners.tour import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.estimators.inertia import inertia_tensors
@@ -213,19 +215,33 @@ def test_generations_that_are_kept_say_which_revision_flew_them(tmp_path, monkey
 
 
 def test_what_bends_the_tank_too_far_is_judged_worse():
-    judge = Judge(dataclasses.replace(SMALL, episodes=8))
+    small = dataclasses.replace(SMALL, episodes=8)
+    judge = Judge(small, *small.worlds)
     waits, never = (
         np.array([sign * (name == own) for name in SMALL.features]) for own, sign in (("waited", 1.0), ("any", -1.0))
     )
     assert judge(waits, 0) < judge(-never, 0) - 1.0
     judge.close()
     with pytest.raises(ValueError, match="scenario"):
-        Evolution(scenario="slush")
+        Evolution(scenarios=("slosh", "slush"))
+
+
+def test_each_scenario_counts_as_much():
+    both = dataclasses.replace(SMALL, scenarios=("default", "slosh"), generations=1, workers=1)
+    weights = both.first
+    own = []
+    for world in both.worlds:
+        judge = Judge(both, world)
+        own.append(judge(weights, 0))
+        judge.close()
+    with closing(Judges(both)) as judges:
+        assert judges([weights], 0) == [pytest.approx(np.mean(own))]
+    assert set(both.features) == {*RIGID, *SMALL.features}
 
 
 def test_drawn_satellites_are_judged_by_the_error_of_the_tensor(tmp_path, capsys):
     """What the filter expects of it, against tensors drawn from the filter's belief."""
-    small = Evolution(name="any", scenario="default", satellites=("drawn",), drawn=3, generations=1, population=4)
+    small = Evolution(name="any", scenarios=("default",), satellites=("drawn",), drawn=3, generations=1, population=4)
     small = dataclasses.replace(small, episodes=3, validation=1, output=tmp_path)
     assert main(small) == 0
     assert capsys.readouterr().out.count("drawn_2") == 32

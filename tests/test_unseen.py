@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 
@@ -15,8 +16,8 @@ from satid_gym.policies.shipped import find
 
 
 def _row(satellite, policy, errors, outside, inertia="step"):
-    scores = {"mean_error": errors, "final_error": errors, "outside_fraction": outside, "saturated_fraction": outside}
-    return {"satellite": satellite, "wheels": 4, "inertia": inertia, "policy": policy, **scores, "nees": errors}
+    scores = {"mean_error": errors, "final_error": errors, "nees": errors, **dict.fromkeys(flights.LIMITS, outside)}
+    return {"satellite": satellite, "wheels": 4, "inertia": inertia, "policy": policy, **scores}
 
 
 ROWS = [
@@ -43,12 +44,14 @@ def test_a_satellite_counts_as_inside_by_its_mean_over_laws():
 
 def test_tuned_settings_and_weights_tell_policies_apart(tmp_path):
     tuned = tmp_path / "tuned.json"
-    tuned.write_text(json.dumps({"chosen": {"rate_square": {"period": 12.0, "margin": 3.5}}}))
+    tuned.write_text(json.dumps({"settings": {}, "chosen": {"rate_square": {"period": 12.0, "margin": 3.5}}}))
     settings = compare.Unseen(policies=("rate_square", "rigid_tour"), tuned=tuned)
     assert settings.identities() == {
         "rate_square": {"period": 12.0, "margin": 3.5},
         "rigid_tour": digest(find("rigid_tour")),
     }
+    with pytest.raises(ValueError, match=r"tuned in scenario default: give --tuned .* --scenario flex"):
+        dataclasses.replace(settings, scenario="flex").entrants()
 
 
 @pytest.mark.slow
@@ -56,7 +59,7 @@ def test_the_command_flies_shows_and_goes_on(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "a1")
     tuned, output = tmp_path / "tuned.json", tmp_path / "unseen.json"
     chosen = {"rate_square": {"period": 12.0, "margin": 3.5, "slews": 3.0}}
-    tuned.write_text(json.dumps({"chosen": chosen}))
+    tuned.write_text(json.dumps({"settings": {}, "chosen": chosen}))
     arguments = ["--policies", "rate_square", "--episodes", "1", "--split", "validation"]
     monkeypatch.setattr(
         sys, "argv", ["compare", *arguments, "--satellites", "1", "--tuned", str(tuned), "--output", str(output)]
@@ -70,6 +73,6 @@ def test_the_command_flies_shows_and_goes_on(tmp_path, monkeypatch, capsys):
     output.write_text(json.dumps(held))
     assert cli.exit_code(compare.main) == 0  # nothing is flown again
     assert json.loads(output.read_text())["rows"][0]["mean_error"] == [1.0]
-    tuned.write_text(json.dumps({"chosen": {"rate_square": {**chosen["rate_square"], "period": 13.0}}}))
+    tuned.write_text(json.dumps({"settings": {}, "chosen": {"rate_square": {**chosen["rate_square"], "period": 13.0}}}))
     assert cli.exit_code(compare.main) == 2
     assert "was flown with other identities: give another --output, or --again" in capsys.readouterr().err

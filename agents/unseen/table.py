@@ -9,28 +9,36 @@ from agents.docs.readme import REMEDY, RESULTS
 from baselines.command.markdown import table
 from satid_gym.files import read_json
 
+_KEYS = ("summary", "settings", "revision")
+_LIMITS = {"outside_fraction": "rates", "saturated_fraction": "wheels", "cost": "all"}
+
 
 def unseen() -> str:
-    """The committed comparison."""
-    return unseen_table(read_json(RESULTS / "unseen.json", REMEDY, keys=("summary", "settings", "revision")))
+    """The committed comparison of satellites without panels."""
+    return unseen_table(read_json(RESULTS / "unseen.json", REMEDY, keys=_KEYS))
+
+
+def unseen_flex() -> str:
+    """The committed comparison of satellites with panels."""
+    return unseen_table(read_json(RESULTS / "unseen_flex.json", REMEDY, keys=_KEYS))
 
 
 def unseen_table(results: Mapping[str, Any]) -> str:
     """One row a policy, from a file of `agents.unseen.compare`."""
     entries, settings = results["summary"], results["settings"]
-    first = entries[0]["policy"]
+    first, limits = entries[0]["policy"], [name for name in _LIMITS if f"at_most_1_percent_{name}" in entries[0]]
     head = [
         "policy",
         "mean error, %",
         f"`{first}` over it, mean error: median, 95th percentile",
         "final error",
-        "inside, unsaturated, % of satellites",
+        f"inside limits of {', '.join(_LIMITS[name] for name in limits)}: % of satellites",
         "NEES",
     ]
     rows = []
     for entry in entries:
         over = [entry[f"{first}_over_it_{score}"] for score in ("mean_error", "final_error")]
-        shares = (100.0 * entry[f"at_most_1_percent_{what}_fraction"] for what in ("outside", "saturated"))
+        shares = (100.0 * entry[f"at_most_1_percent_{name}"] for name in limits)
         rows.append(
             [
                 f"`{entry['policy']}`",
