@@ -19,7 +19,7 @@ from agents.standing.table import Table
 from baselines.command.cli import exit_code
 from satid_gym.commands.main import main as satid
 from satid_gym.policies.custom import custom, digest
-from satid_gym.policies.shipped import find, find_any
+from satid_gym.policies.learned.shipped import find, find_any
 from tests.cases import cases
 
 CODE = textwrap.dedent('''

@@ -14,9 +14,9 @@ from satid_gym.config import unknown_name
 from satid_gym.laws import InertiaLaw
 from satid_gym.policies.custom import digest
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.learned.shipped import find, find_any, names, rate_names
 from satid_gym.policies.open_loop_optimal import NotPreparedError
 from satid_gym.policies.registry import PLANNERS, RATE_BASELINES, RATE_PLANNERS
-from satid_gym.policies.shipped import find, find_any, names, rate_names
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario

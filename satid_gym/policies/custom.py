@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from satid_gym.policies.learned import LearnedPolicy, check_name
+from satid_gym.policies.learned.policy import LearnedPolicy, check_name
 from satid_gym.policy import Kind, Policy
 from satid_gym.sources import imported, made
 

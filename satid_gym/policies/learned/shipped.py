@@ -6,7 +6,7 @@ from pathlib import Path
 
 from satid_gym.config import unknown_name
 from satid_gym.policies.custom import custom
-from satid_gym.policies.learned import LearnedPolicy, check_name
+from satid_gym.policies.learned.policy import LearnedPolicy, check_name
 from satid_gym.policy import Policy
 from satid_gym.sources import in_module
 
