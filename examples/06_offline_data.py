@@ -16,8 +16,7 @@ from agents.training.clocks import set_clocks
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policies import find
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.satellite import BENCHMARK_SATELLITES
 
 EPISODES, EPOCHS = (int(word) for word in sys.argv[1:3] or (100, 20))  # of each cell; over all decisions

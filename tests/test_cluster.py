@@ -53,7 +53,7 @@ def test_a_result_that_cannot_be_read_or_kept_is_an_error(pool, tmp_path, sent, 
     [
         ("satid_gym/a.py", True),
         ("satid_gym/policies/tuned.json", True),
-        ("satid_gym/policies/pretrained/a.safetensors", True),
+        ("satid_gym/policies/learned/pretrained/a.safetensors", True),
         ("agents/a.py", True),
         ("baselines/scenarios/tuned.json", False),
         ("satid_gym/__pycache__/a.pyc", False),

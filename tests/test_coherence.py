@@ -10,8 +10,8 @@ from baselines.scenarios.flights import Cell, flown
 from satid_gym import InertiaLaw, SatInertiaIDVectorEnv
 from satid_gym.estimators import AdaptiveEKF, FilterpyAdaptiveEKF
 from satid_gym.evaluation import seeds
+from satid_gym.policies.learned.shipped import find
 from satid_gym.policies.rate_square import RateSquarePolicy
-from satid_gym.policies.shipped import find
 from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import missions
 

@@ -14,11 +14,10 @@ from baselines.command.cli import exit_code
 from baselines.scenarios.tune import tuned
 from baselines.studies.performance_bound import lacks_bound, performance_bound
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.shipped import find, rate_names
 from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.policies.registry import RATE_BASELINES
-from satid_gym.policies.shipped import find, rate_names
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS

@@ -22,10 +22,9 @@ from satid_gym.control.corners.tour import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.evaluation import fly, seeds
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.shipped import find
 from satid_gym.policies.registry import build
-from satid_gym.policies.shipped import find
 from satid_gym.policy import only_mission
 from satid_gym.problem import problem
 from satid_gym.vector import SatInertiaIDVectorEnv

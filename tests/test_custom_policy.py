@@ -18,8 +18,8 @@ from agents.standing import table
 from agents.standing.table import Table
 from baselines.command.cli import exit_code
 from satid_gym.commands.main import main as satid
-from satid_gym.policies.custom import custom, digest
-from satid_gym.policies.shipped import find, find_any
+from satid_gym.policies.custom import custom, digest, find_any
+from satid_gym.policies.learned.shipped import find
 from tests.cases import cases
 
 CODE = textwrap.dedent('''

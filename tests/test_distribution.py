@@ -34,8 +34,9 @@ def test_wheel_and_sdist_hold_what_they_should_and_can_be_published(built):
     assert f"satid_gym-{satid_gym.__version__}.dist-info/licenses/LICENSE" in names
     assert not [name for name in names if "__pycache__" in name or name.endswith((".nbi", ".nbc"))]
     source = built[2]
-    data = ("docs/results/compare.json", *(f"satid_gym/policies/{name}.json" for name in ("tuned", "pretrained/ppo")))
-    for name in ("satid_gym", *data, "tests/conftest.py", "constraints.txt", "Makefile", "LICENSE", "README.md"):
+    policies = (f"satid_gym/policies/{name}.json" for name in ("tuned", "learned/pretrained/ppo"))
+    data = ("docs/results/compare.json", *policies, "tests/conftest.py", "constraints.txt")
+    for name in ("satid_gym", *data, "Makefile", "LICENSE", "README.md"):
         assert (source / name).exists(), name
     assert not [p.name for p in source.iterdir() if p.name in ("runs", "results", ".venv", "build", "dist")]
     assert call(sys.executable, "-m", "twine", "check", "--strict", *built[:2]).count("PASSED") == 2

@@ -20,8 +20,7 @@ from satid_gym.flightcode.translator import Translator
 from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.flightcode.writer import texts, write
 from satid_gym.policies import build, find
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem

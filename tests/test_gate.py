@@ -23,8 +23,7 @@ from satid_gym import SATELLITES
 from satid_gym.core.observation import MODE_PLACES as AT
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.corner_tour import CornerTourPolicy
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy

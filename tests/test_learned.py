@@ -15,9 +15,8 @@ from satid_gym import SATELLITES
 from satid_gym.control.rate_loop import RateLoop
 from satid_gym.evaluation import fly, seeds
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
-from satid_gym.policies.shipped import find, shipped
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.shipped import find, shipped
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.satellite import BENCHMARK_SATELLITES

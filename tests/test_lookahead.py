@@ -15,9 +15,8 @@ from satid_gym.control.planning.rollout import begin_rollouts, roll_out
 from satid_gym.evaluation import seeds
 from satid_gym.policies import find, make_baseline
 from satid_gym.policies.filter_mpc import FilterMPCPolicy, scratch_of
-from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.lookahead import LookaheadPolicy
-from satid_gym.policies.network import Network
 from satid_gym.policy import missions, observation_settings
 from satid_gym.problem import problem
 from tests.cases import cases

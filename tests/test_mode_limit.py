@@ -16,8 +16,7 @@ from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.evaluation import seeds
 from satid_gym.flightcode.policy_source import policy_source
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.registry import build
 from satid_gym.policy import missions, only_mission
 from satid_gym.problem import problem

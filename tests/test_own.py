@@ -26,8 +26,7 @@ from satid_gym import SATELLITES, SCENARIOS, InertiaLaw, Satellite
 from satid_gym.evaluation import benchmark_scenario
 from satid_gym.law_ranges import PAPER_LAWS
 from satid_gym.policies import find
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.registry import PLANNERS
 from satid_gym.resolution import resolve_inertia, resolve_satellites, resolve_scenario
 from tests.cases import cases

@@ -17,8 +17,8 @@ from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.gate import Gate
 from satid_gym.evaluation import seeds
 from satid_gym.policies.custom import digest
+from satid_gym.policies.learned.shipped import RATE_PRETRAINED, find
 from satid_gym.policies.reference import ZeroPolicy
-from satid_gym.policies.shipped import RATE_PRETRAINED, find
 from tests.cases import cases
 
 STARGAZER = RATE_PRETRAINED / "stargazer"

@@ -7,8 +7,7 @@ import pytest
 
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.policies import find, make_baseline
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policy import missions
 from tests.cases import case
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from satid_gym.core.observation import layout
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
-from satid_gym.policies.principal import widening
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.principal import widening
 from satid_gym.policy import only_mission
 from satid_gym.problem import problem
 

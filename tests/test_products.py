@@ -25,8 +25,8 @@ from satid_gym.estimators import (
 )
 from satid_gym.estimators.inertia import PRODUCT_MIN
 from satid_gym.evaluation import Flight, benchmark_scenario, fly, seeds
+from satid_gym.policies.learned.shipped import find
 from satid_gym.policies.registry import build
-from satid_gym.policies.shipped import find
 from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.scenario import prior_of

@@ -17,9 +17,8 @@ from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
 from satid_gym import SatInertiaIDEnv
 from satid_gym.evaluation import benchmark_scenario, fly
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
-from satid_gym.policies.shipped import PRETRAINED, find
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.shipped import PRETRAINED, find
 from satid_gym.policy import Mission
 from satid_gym.rendering import video
 from tests.cases import cases

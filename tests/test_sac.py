@@ -15,7 +15,7 @@ from agents.training.sb3.loop import Training
 from agents.training.train import named, resumed
 from baselines.command.cli import exit_code
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import find
+from satid_gym.policies.learned.shipped import find
 
 pytestmark = pytest.mark.slow  # trains
 SMALL = SACSettings(

@@ -15,7 +15,7 @@ from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import fly, seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policies import find
-from satid_gym.policies.from_sb3 import learned_policy
+from satid_gym.policies.learned.from_sb3 import learned_policy
 from satid_gym.policy import missions
 from satid_gym.sb3 import RateCommandVecEnv, SatInertiaIDVecEnv
 from tests.cases import cases

@@ -17,10 +17,9 @@ from safetensors.numpy import save
 
 from agents.training.ppo import PPOSettings
 from agents.training.sb3 import checkpoint
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
-from satid_gym.policies.policy_file import FILE_SIZE_MAX
-from satid_gym.policies.shipped import PRETRAINED, names
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.files import FILE_SIZE_MAX
+from satid_gym.policies.learned.shipped import PRETRAINED, names
 from tests.cases import case
 
 ROOT = Path(__file__).parent.parent

@@ -20,7 +20,7 @@ from baselines.scenarios import tune
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.rivals import rivals
 from satid_gym.evaluation import seeds
-from satid_gym.policies.shipped import RATE_PRETRAINED, find
+from satid_gym.policies.learned.shipped import RATE_PRETRAINED, find
 from satid_gym.policy import only_mission
 from satid_gym.satellite import SATELLITES
 from satid_gym.vector import SatInertiaIDVectorEnv

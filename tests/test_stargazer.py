@@ -14,8 +14,7 @@ from agents.training.sb3.switches import SwitchedVecEnv, commands, with_switches
 from agents.training.train import named
 from satid_gym.flightcode.policy_source import policy_source
 from satid_gym.policies import find
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policy import observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.sb3 import RateCommandVecEnv

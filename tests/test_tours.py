@@ -17,8 +17,7 @@ from satid_gym.control.observed_modes import ObservedModes
 from satid_gym.core.observation import MODE_PARTS
 from satid_gym.evaluation import seeds
 from satid_gym.policies import find
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.policies.swing_between import SwingBetweenPolicy
 from satid_gym.policy import Mission, missions

@@ -20,8 +20,7 @@ from agents.training.train import main, named
 from baselines import tuned_entry
 from baselines.command.cli import exit_code
 from satid_gym import RewardSettings
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.profiles import PROFILES
 
 pytestmark = pytest.mark.slow  # trains

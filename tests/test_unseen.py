@@ -12,7 +12,7 @@ import pytest
 from agents.unseen import compare, flights
 from baselines.command import cli
 from satid_gym.policies.custom import digest
-from satid_gym.policies.shipped import find
+from satid_gym.policies.learned.shipped import find
 
 
 def _row(satellite, policy, errors, outside, inertia="step"):

@@ -26,9 +26,9 @@ from satid_gym.control.planning.planner import PLANNING_MARGIN
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import DamagedFileError
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.learned.shipped import find, names
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.registry import PLANNERS, build
-from satid_gym.policies.shipped import find, names
 from satid_gym.profiles import PROFILES
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES
 from satid_gym.scenario_catalogue import SCENARIOS

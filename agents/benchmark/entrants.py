@@ -12,11 +12,11 @@ from baselines.tuning.by_rates import all_baselines, baselines_of
 from baselines.tuning.prepared import Prepared
 from satid_gym.config import unknown_name
 from satid_gym.laws import InertiaLaw
-from satid_gym.policies.custom import digest
+from satid_gym.policies.custom import digest, find_any
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.learned.shipped import find, names, rate_names
 from satid_gym.policies.open_loop_optimal import NotPreparedError
 from satid_gym.policies.registry import PLANNERS, RATE_BASELINES, RATE_PLANNERS
-from satid_gym.policies.shipped import find, find_any, names, rate_names
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 from baselines.command import cli
 from baselines.studies import faults
 from baselines.studies.faults import FaultStudy
-from satid_gym.policies.shipped import shipped
+from satid_gym.policies.learned.shipped import shipped
 
 
 def main(settings: FaultStudy) -> int:

@@ -38,7 +38,7 @@ from satid_gym.evaluation import seeds
 from satid_gym.files import DamagedFileError, check_writable, replacing, write_text
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import RATE_PRETRAINED
+from satid_gym.policies.learned.shipped import RATE_PRETRAINED
 
 _DRAWN_VALIDATED = 8
 _ANOTHER = "give another --output, or remove generations.npz"

@@ -13,9 +13,9 @@ from satid_gym.control.corners.features import FEATURES, features_of, takes_walk
 from satid_gym.control.gaps import SETTLE
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
-from satid_gym.policies.learned import LearnedPolicy, check_name
-from satid_gym.policies.network import Network
-from satid_gym.policies.shipped import find
+from satid_gym.policies.learned import Network
+from satid_gym.policies.learned.policy import LearnedPolicy, check_name
+from satid_gym.policies.learned.shipped import find
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS

@@ -34,7 +34,8 @@ from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import FIRST_SEED, Split
 from satid_gym.files import check_writable, write_json
 from satid_gym.laws import INERTIA_MODES
-from satid_gym.policies.shipped import find_any, names, rate_names
+from satid_gym.policies.custom import find_any
+from satid_gym.policies.learned.shipped import names, rate_names
 from satid_gym.policy import Policy
 from satid_gym.satellite import BENCHMARK_SATELLITES
 

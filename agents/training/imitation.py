@@ -32,8 +32,7 @@ from agents.training.teacher import Answers, TeacherSettings, answers, fly_round
 from baselines.command import cli
 from satid_gym.config import check_integer, check_number
 from satid_gym.files import read_json, write_json
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.problem import problem
 
 _HEAVIEST = 10.0  # weight of a decision, over the mean

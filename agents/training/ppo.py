@@ -15,8 +15,7 @@ from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.sb3.switches import FIRST_LOGIT, with_reversals, with_switches
 from agents.training.settings import RLSettings, policy_of
 from satid_gym.config import check_integer, check_number
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.sb3 import RateCommandVecEnv
 
 

@@ -12,8 +12,7 @@ from agents.training.run import Run
 from agents.training.sb3.loop import AfterUpdate, Training, environment
 from agents.training.settings import RLSettings, policy_of
 from satid_gym.config import check_integer, check_number
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

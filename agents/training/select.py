@@ -2,7 +2,7 @@
 
 Flies every run's best policy through validation episodes, more of them than training could afford and with the
 margin it would be shipped with; prints the scores, the spread over runs, and the best. `--ship` saves that one in
-satid_gym/policies/pretrained. Test seeds have no part in the choice.
+satid_gym/policies/learned/pretrained. Test seeds have no part in the choice.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from satid_gym.config import check_integer, check_number
 from satid_gym.files import read_json
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.shipped import PRETRAINED, RATE_PRETRAINED, find
+from satid_gym.policies.learned.shipped import PRETRAINED, RATE_PRETRAINED, find
 
 _SAME = ("satellites", "inertia", "scenario", "actions", "judged_by")  # of runs to choose among
 
@@ -37,7 +37,7 @@ class SeedSelection:
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of training runs."""
     ship: bool = False
-    """Save the best policy in satid_gym/policies/pretrained, one by the environment's rate loop in its folder rate."""
+    """Save the best policy with the shipped ones, one by the environment's rate loop in their folder rate."""
     margin: float | None = None
     """Margin of the rate loop to ship it with, where validation calls for another than that of training."""
     episodes: int = 400

@@ -14,8 +14,8 @@ from satid_gym.core.observation import Form
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import SPLIT_SIZE, seeds
 from satid_gym.files import DamagedFileError, read_json
-from satid_gym.policies.learned import LearnedPolicy, check_name
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import Network
+from satid_gym.policies.learned.policy import LearnedPolicy, check_name
 from satid_gym.problem import problem
 from satid_gym.resolution import resolve_satellites
 from satid_gym.reward import RewardSettings, reward_settings

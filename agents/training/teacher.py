@@ -27,8 +27,8 @@ from satid_gym.control.rate_loop import rate_loop
 from satid_gym.evaluation import seeds
 from satid_gym.files import DamagedFileError, write_bytes
 from satid_gym.laws import INERTIA_MODES
+from satid_gym.policies.learned import Network
 from satid_gym.policies.mpc import MPCPolicy
-from satid_gym.policies.network import Network
 from satid_gym.policy import missions
 from satid_gym.satellite import Satellite
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from satid_gym.evaluation import benchmark_scenario, fly
 from satid_gym.metrics import BEYOND_MAX
+from satid_gym.policies.learned.shipped import find
 from satid_gym.policies.registry import PLANNERS, RATE_BASELINES, RATE_PLANNERS, build
-from satid_gym.policies.shipped import find
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 

@@ -29,8 +29,7 @@ from satid_gym.files import check_writable, write_json
 from satid_gym.gym_api import COSTS
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import bootstrap
-from satid_gym.policies.custom import digest
-from satid_gym.policies.shipped import find_any
+from satid_gym.policies.custom import digest, find_any
 from satid_gym.satellite import BENCHMARK_SATELLITES
 
 MEASURES = ("expected", "error")

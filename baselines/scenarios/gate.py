@@ -46,7 +46,7 @@ from satid_gym.evaluation import seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.gym_api import COSTS
 from satid_gym.laws import INERTIA_MODES, MASS_MODES
-from satid_gym.policies.shipped import find_any
+from satid_gym.policies.custom import find_any
 from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.profiles import PROFILES

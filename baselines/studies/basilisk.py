@@ -23,7 +23,7 @@ from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.files import check_writable, write_json
 from satid_gym.policies import find, make_baseline, names
-from satid_gym.policies.shipped import rate_names
+from satid_gym.policies.learned.shipped import rate_names
 from satid_gym.policy import Policy, observation_settings, only_mission
 from satid_gym.problem import problem
 from satid_gym.satellite import SATELLITES, Satellite

@@ -16,8 +16,8 @@ from baselines.command.provenance import result_head
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.files import check_writable, write_json
+from satid_gym.policies.learned.shipped import find, names
 from satid_gym.policies.registry import BASELINES, make_baseline
-from satid_gym.policies.shipped import find, names
 from satid_gym.policy import FilterPlanner, Kind, Mission, Policy, observation_settings
 from satid_gym.satellite import SATELLITES
 

@@ -20,8 +20,7 @@ from baselines.command.provenance import revision
 from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.metrics import final_error
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.safety import SafetyVectorEnv
 
 LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs

@@ -20,8 +20,8 @@ from satid_gym.flightcode.layout import lines_of
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.policies.learned import LearnedPolicy
+from satid_gym.policies.learned.principal import fitted
 from satid_gym.policies.open_loop_optimal import OpenLoopOptimalPolicy
-from satid_gym.policies.principal import fitted
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy

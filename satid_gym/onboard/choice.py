@@ -7,9 +7,10 @@ from pathlib import Path
 from satid_gym.config import unknown_name
 from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.policies import BASELINES, RATE_BASELINES, make_baseline, names
+from satid_gym.policies.custom import find_any
+from satid_gym.policies.learned.shipped import rate_names
 from satid_gym.policies.rate_square import RateSquarePolicy, untuned_rate_square
 from satid_gym.policies.registry import NotPreparedError
-from satid_gym.policies.shipped import find_any, rate_names
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 from satid_gym.scenario import Scenario

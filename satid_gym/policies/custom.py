@@ -1,4 +1,4 @@
-"""Policies of the user's own code, named by module:name, and digests of policies."""
+"""Policies of the user's own code by module:name, alone or among the learned ones, and digests of policies."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from satid_gym.policies.learned import LearnedPolicy, check_name
+from satid_gym.policies.learned.policy import LearnedPolicy, check_name
+from satid_gym.policies.learned.shipped import find, renamed
 from satid_gym.policy import Kind, Policy
-from satid_gym.sources import imported, made
+from satid_gym.sources import imported, in_module, made
 
 
 def custom(text: str) -> Policy:
@@ -32,6 +33,22 @@ def custom(text: str) -> Policy:
         raise ValueError(f"policy {text}: kind must be one of {', '.join(get_args(Kind))}")
     own = copy.copy(policy)  # the module's object keeps its name
     own.found_in = sys.modules[text.partition(":")[0]].__file__
+    return own
+
+
+def find_any(policy: str) -> Policy:
+    """Learned policy as of `find`, or the user's own by module:name, whose code is run; NAME= before it renames either.
+
+    Raises:
+        ValueError: as of `find` and `custom`.
+    """
+    name, text = renamed(policy)
+    if not in_module(text):
+        return find(policy)
+    own = custom(text)
+    if name is not None:
+        check_name(name)
+        own.name = name
     return own
 
 

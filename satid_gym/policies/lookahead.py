@@ -22,8 +22,8 @@ from satid_gym.control.planning.rehearsal import Flights, Trail
 from satid_gym.control.planning.rollout import begin_rollouts, roll_out
 from satid_gym.policies.filter_mpc import FilterMPCPolicy, scratch_of
 from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import NetworkMemory
-from satid_gym.policies.shipped import find
+from satid_gym.policies.learned.network import NetworkMemory
+from satid_gym.policies.learned.shipped import find
 from satid_gym.policy import Kind, Mission
 
 _MISS = 10.0  # weight of imaging windows, see `rehearsal.decide`

@@ -12,8 +12,7 @@ from ray.rllib.core.rl_module import RLModule
 from ray.rllib.utils.filter import RunningStat
 from ray.rllib.utils.numpy import SMALL_NUMBER
 
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import LearnedPolicy, Network
 
 _STACKS = ("encoder.actor_encoder.", "encoder.encoder.", "pi.")  # of RLlib's default module, the second where shared
 

@@ -21,7 +21,7 @@ from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import benchmark_scenario, fly, seeds
 from satid_gym.laws import INERTIA_MODES
 from satid_gym.metrics import improvements, iqm
-from satid_gym.policies.shipped import find
+from satid_gym.policies.learned.shipped import find
 from satid_gym.satellite import SATELLITES
 
 COVERED_MIN, COVERED_MAX = 0.93, 0.97

@@ -5,8 +5,8 @@ from __future__ import annotations
 import zlib
 
 from agents.benchmark.stored import MARK
+from satid_gym.policies.learned.shipped import names, rate_names
 from satid_gym.policies.registry import BASELINES, RATE_BASELINES
-from satid_gym.policies.shipped import names, rate_names
 
 _OTHERS = 100_000  # further places, for policies that the registry does not have
 

@@ -29,10 +29,9 @@ from satid_gym.estimators.inertia import PRODUCTS
 from satid_gym.files import write_bytes
 from satid_gym.fleet import Fleet
 from satid_gym.gym_api import seed_stream
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
-from satid_gym.policies.principal import fitted
-from satid_gym.policies.shipped import find
+from satid_gym.policies.learned import LearnedPolicy, Network
+from satid_gym.policies.learned.principal import fitted
+from satid_gym.policies.learned.shipped import find
 from satid_gym.policy import Mission, missions, observation_settings
 from satid_gym.problem import Problem, problem
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned import Network
 from satid_gym.sb3 import RateCommandVecEnv
 
 SWITCHES = 4  # a side of each axis, and rest

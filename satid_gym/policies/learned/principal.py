@@ -15,7 +15,7 @@ from satid_gym.core.observation import MODE_PARTS, layout, state_pairs
 from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS
 
 if TYPE_CHECKING:
-    from satid_gym.policies.network import Network
+    from satid_gym.policies.learned.network import Network
 
 _PRINCIPAL, _FULL = PARAMETER_COUNT["principal"], PARAMETER_COUNT["full"]
 

@@ -1,14 +1,11 @@
-"""Shipped policies, learned policies by name or path, and policies of the user's own code."""
+"""Shipped policies, and learned policies by name or path."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from satid_gym.config import unknown_name
-from satid_gym.policies.custom import custom
-from satid_gym.policies.learned import LearnedPolicy, check_name
-from satid_gym.policy import Policy
-from satid_gym.sources import in_module
+from satid_gym.policies.learned.policy import LearnedPolicy, check_name
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 RATE_PRETRAINED = PRETRAINED / "rate"
@@ -45,7 +42,7 @@ def find(policy: str | Path) -> LearnedPolicy:
         return LearnedPolicy.load(PRETRAINED / policy)
     if policy in rate_names():
         return LearnedPolicy.load(RATE_PRETRAINED / policy)
-    name, text = _renamed(policy)
+    name, text = renamed(policy)
     path = Path(text)
     try:
         found = LearnedPolicy.load(path / "policy" if path.is_dir() else path)
@@ -57,23 +54,7 @@ def find(policy: str | Path) -> LearnedPolicy:
     return found
 
 
-def find_any(policy: str) -> Policy:
-    """Learned policy as of `find`, or the user's own by module:name, whose code is run; NAME= before it renames either.
-
-    Raises:
-        ValueError: as of `find` and `custom`.
-    """
-    name, text = _renamed(policy)
-    if not in_module(text):
-        return find(policy)
-    own = custom(text)
-    if name is not None:
-        check_name(name)
-        own.name = name
-    return own
-
-
-def _renamed(policy: str) -> tuple[str | None, str]:
+def renamed(policy: str) -> tuple[str | None, str]:
     """Name and text of NAME=PATH; no name if the sign is part of a folder's name."""
     name, sign, text = policy.partition("=")
     return (name, text) if sign and name == Path(name).name else (None, policy)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from satid_gym.policies.learned import LearnedPolicy
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned.network import Network
+from satid_gym.policies.learned.policy import LearnedPolicy
 
 _ACTIVATIONS = {"Tanh": "tanh", "ReLU": "relu"}
 

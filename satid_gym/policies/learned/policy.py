@@ -1,4 +1,4 @@
-"""Learned policies: small networks in NumPy, in files that execute no code (`satid_gym.policies.policy_file`)."""
+"""Learned policies: small networks in NumPy, in files that execute no code (`satid_gym.policies.learned.files`)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from satid_gym.control.gaps import SETTLE
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.core.observation import Form
-from satid_gym.policies.network import Network, NetworkMemory
-from satid_gym.policies.policy_file import files_of, read_policy, write_policy
-from satid_gym.policies.principal import fitted
+from satid_gym.policies.learned.files import files_of, read_policy, write_policy
+from satid_gym.policies.learned.network import Network, NetworkMemory
+from satid_gym.policies.learned.principal import fitted
 from satid_gym.policy import Kind, Mission
 from satid_gym.problem import CONTROLS
 

@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from satid_gym.files import read_json, write_bytes, write_text
-from satid_gym.policies.network import Network
+from satid_gym.policies.learned.network import Network
 
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
