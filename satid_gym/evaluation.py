@@ -76,6 +76,7 @@ class Flight:
         alive: False after a termination; from then on error keeps its last value, outside and cost are 1, and the rest
             is 0.
         settled: whether a filter can know the inertia, see `satid_gym.metrics.settled`.
+        terminated: (N,) whether an episode ended early, be it in the last decision.
     """
 
     time: np.ndarray
@@ -89,6 +90,7 @@ class Flight:
     cost: np.ndarray
     alive: np.ndarray
     settled: np.ndarray
+    terminated: np.ndarray
 
     def scores(self) -> dict[str, np.ndarray]:
         """Scores of each episode, (N,) each."""
@@ -103,7 +105,7 @@ class Flight:
             "effort": self.effort.sum(axis=0) / self.alive.sum(axis=0),
             "saturated_fraction": self.saturated.mean(axis=0),
             "reward": self.reward.sum(axis=0),
-            "terminated": ~self.alive[-1],
+            "terminated": self.terminated,
             "cost": self.cost.mean(axis=0),
         }
 
@@ -185,7 +187,7 @@ def fly(
     env.close()
     time = world.decision_period * np.arange(1, decisions + 1)
     settled = metrics.settled(stepped, turning, world.decision_period)
-    return Flight(time=time, alive=alive[:-1], settled=settled, **series)
+    return Flight(time=time, alive=alive[:-1], settled=settled, terminated=~alive[-1], **series)
 
 
 def stepped_and_turning(plants: np.ndarray, tasks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

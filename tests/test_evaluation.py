@@ -256,6 +256,15 @@ def test_termination_is_not_forgiven():
     np.testing.assert_allclose(scores["nees"], [flight.nees[: t + 1, i].mean() for i, t in enumerate(last)])
 
 
+@pytest.mark.compiled
+def test_an_end_in_the_last_decision_is_early_too():
+    cell = {"satellite": "cubesat", "inertia": "static", "seeds": seeds("test", 5)}
+    last = fly(Constant(1.0, 1.0, 1.0), **cell).alive.sum(axis=0)
+    flight = fly(Constant(1.0, 1.0, 1.0), scenario={"horizon": float(last.min())}, **cell)
+    assert flight.alive.all()
+    np.testing.assert_array_equal(flight.scores()["terminated"], last == last.min())
+
+
 def test_scores_by_hand():
     ones, zeros = np.ones((10, 2)), np.zeros((10, 2))
     error = np.linspace(0.10, 0.01, 10)[:, None] * np.array([1.0, 0.5])
@@ -264,7 +273,7 @@ def test_scores_by_hand():
     flight = Flight(
         time=np.arange(1.0, 11.0), error=error, outside=0.25 * ones, nees=2.0 * ones, information=3.0 * ones,
         effort=np.where(alive, 0.5, 0.0), reward=ones, saturated=zeros, alive=alive, settled=np.ones((10, 2), bool),
-        cost=0.3 * ones,
+        cost=0.3 * ones, terminated=~alive[-1],
     )  # fmt: skip
     expected = {
         "final_error": [0.015, 0.0075],

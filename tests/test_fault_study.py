@@ -16,6 +16,7 @@ def flight(episodes: int = 1, period: float = 1.0, horizon: float = 300.0, **ser
     flat = {name: np.zeros(shape) for name in ("outside", "information", "effort", "reward", "saturated", "cost")}
     always = {name: np.ones(shape, bool) for name in ("alive", "settled")}
     values = {**flat, **always, "error": np.zeros(shape), "nees": np.ones(shape), **series}
+    values["terminated"] = ~values["alive"][-1]
     return Flight(time=period * np.arange(1, shape[0] + 1), **values)
 
 

@@ -136,7 +136,7 @@ def scores(flight: Flight, over: float) -> dict[str, float | None]:
         "recovery_s": _finite(np.median(back)),
         "recovery_s_95": _finite(np.quantile(back, 0.95, method="higher")),
         "outside": float(flight.outside.mean()),
-        "terminated": float((~flight.alive[-1]).mean()),
+        "terminated": float(flight.terminated.mean()),
     }
 
 
