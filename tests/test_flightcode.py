@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from satid_gym import Pilot, Sensors, StarTracker, draw_satellites
+from satid_gym import SATELLITES, SCENARIOS, Pilot, Sensors, SloshMass, StarTracker, draw_satellites
 from satid_gym.commands.main import main
 from satid_gym.control.corners.features import RIGID
 from satid_gym.flightcode.c_types import DOUBLE, Array, TranslationError
@@ -31,6 +31,10 @@ from tests.tolerances import ALL
 ROOT = Path(__file__).parents[1]
 SLOW = draw_satellites([2_000_000_014], wheels=4)[0]
 SQUARE = {"period": 36.0, "margin": 2.5}
+PULLED = SCENARIOS["flex"].appendages.equip(SATELLITES["microsat"])[25]  # 0.1 Hz: most corners pull too far
+TANK = SloshMass(
+    mass=2.8, position=[0.2, 0, 0.1], direction=[0, 0.6, 0.8], frequency=0.05, damping=0.05, deflection_limit=0.02
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -80,6 +84,12 @@ def pilot_of(kind, pyramid):
     if kind == "panels":
         sheet = problem("microsat", scenario="flex").satellites[3]
         return Pilot(sheet, ShapedSquarePolicy(), scenario="flex", control="rate")
+    if kind == "tour_rigid":
+        return Pilot("microsat", "panel_tour", control="rate")
+    if kind.startswith("tour"):
+        tanks = (TANK,) if kind == "tour_panels_tank" else ()
+        sheet = PULLED.replace(oscillators=(*PULLED.oscillators, *tanks))
+        return Pilot(sheet, "panel_tour", scenario="flex", control="rate")
     if kind.startswith("corners"):
         return Pilot("microsat" if kind == "corners_rate" else SLOW, toured(kind), control="rate")
     satellite = pyramid if kind.startswith("pyramid") else "microsat"
@@ -103,10 +113,13 @@ KINDS = [
     "corners_rate",
     "corners_pyramid_rate",
     "tracker_gate",
+    "tour_panels",
+    "tour_rigid",
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("tracker_late", "tour_panels_tank")),
 ]
 
 
-@pytest.mark.parametrize("kind", [*KINDS, pytest.param("tracker_late", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", KINDS)
 def test_it_flies_a_whole_flight_as_python_does(kind, pyramid, tmp_path):
     """Torque, estimate and its standard deviations to 1e-6, with lost and repeated readings: check.c compares."""
     pilot = pilot_of(kind, pyramid)
@@ -239,7 +252,7 @@ def test_readings_that_fail_are_handled_as_pilot_handles_them(kind, pyramid, tmp
     assert flown.status.rate_max > 0.3
 
 
-@cases("kind", ["generalist", "pyramid_rate", "panels"])
+@cases("kind", ["generalist", "pyramid_rate", "panels", "tour_panels"])
 def test_no_reading_makes_it_command_what_is_not_finite_or_beyond_a_limit(kind, pyramid, tmp_path):
     pilot = pilot_of(kind, pyramid)
     flown, rng, n = Flown(tmp_path, pilot), np.random.default_rng(4), pilot.problem.wheels
@@ -307,6 +320,8 @@ def test_what_has_no_c_is_refused_in_one_line(tmp_path, capsys):
     assert main(["export", "--policy", "mpc", "--output", str(tmp_path)]) == 2
     with pytest.raises(ValueError, match=r"tank_tour cannot be written in C for microsat.* 1 layers.*peak_kept"):
         texts(Pilot("microsat", find("tank_tour"), control="rate"))
+    with pytest.raises(ValueError, match="features none, is not shaped, and there are 1 modes: give a policy of"):
+        texts(Pilot(PULLED, find("rigid_tour"), scenario="flex", control="rate"))
     assert capsys.readouterr().err.startswith("error: policy mpc has no C: give a learned policy, rate_square")
 
 
