@@ -187,7 +187,9 @@ double satid_score(const float *observation, const satid_policy *policy, const s
 #endif
     wheels(choice, corner, &f);
     modes(&choice->mode, number, corner, &f);
-#define ADD(feature, weight) total += (double)weight * f.feature;
+#define ADD(feature, weight) \
+    total += (double)weight * f.feature; \
+    SATID_COUNT(2);
     SCORE(ADD)
 #undef ADD
     return total;

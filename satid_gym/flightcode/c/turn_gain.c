@@ -68,6 +68,7 @@ double satid_turn_gain(const satid_inertia *inertia, const double turn[3])
             }
         }
     }
+    SATID_COUNT(27 * SATID_PARAMETERS * SATID_PARAMETERS);
     const double det = s[0][0] * (s[1][1] * s[2][2] - s[1][2] * s[1][2]) -
                        s[0][1] * (s[0][1] * s[2][2] - s[0][2] * s[1][2]) +
                        s[0][2] * (s[0][1] * s[1][2] - s[1][1] * s[0][2]);
