@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from satid_gym import Pilot, Sensors, StarTracker, draw_satellites
+from satid_gym import SATELLITES, SCENARIOS, Pilot, Sensors, SloshMass, StarTracker, draw_satellites
 from satid_gym.commands.main import main
-from satid_gym.control.corners.features import RIGID
+from satid_gym.control.corners.features import RIGID, UNFORESEEN
 from satid_gym.flightcode.c_types import DOUBLE, Array, TranslationError
 from satid_gym.flightcode.measure import compiled
 from satid_gym.flightcode.policy_source import template
@@ -30,6 +30,9 @@ from tests.tolerances import ALL
 ROOT = Path(__file__).parents[1]
 SLOW = draw_satellites([2_000_000_014], wheels=4)[0]
 SQUARE = {"period": 36.0, "margin": 2.5}
+TANK = SloshMass(
+    mass=2.8, position=[0.2, 0, 0.1], direction=[0, 0.6, 0.8], frequency=0.05, damping=0.05, deflection_limit=0.02
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -54,13 +57,16 @@ def replayed(check, folder, vectors):
 
 
 def toured(kind):
-    """A policy whose score takes all features of corners."""
-    weights = np.random.default_rng(7).normal(size=(1, len(RIGID))).astype(np.float32)
+    """A policy whose score takes all features of corners, one that is shaped for satellites with modes."""
+    features = RIGID if kind.startswith("corners") else UNFORESEEN
+    weights = np.random.default_rng(7).normal(size=(1, len(features))).astype(np.float32)
+    weights[0, [name not in RIGID for name in features]] *= 3.0  # that of each tells
     if kind == "corners_rate":  # or a lost reading leads to other reversals than those of the flight that is replayed
-        weights[0, RIGID.index("waited")] = 10.0
+        weights[0, features.index("waited")] = 10.0
     network = Network((weights,), (np.zeros(1, np.float32),))
     given = {"observation": "body", "include_covariance": kind != "corners_rate", "include_walk": True}
-    return LearnedPolicy("toured", network, "rate", 3.5, **given, corner_features=RIGID)
+    given |= {"corner_features": features, "is_shaped": features is UNFORESEEN}
+    return LearnedPolicy("toured", network, "rate", 3.5, **given)
 
 
 def tracked(scenario, delay=0.0, **sensors):
@@ -71,6 +77,11 @@ def tracked(scenario, delay=0.0, **sensors):
     return Pilot("microsat", build("rate_square", SQUARE), scenario=world, control="rate")
 
 
+def panelled(name):
+    """A data sheet with slow panels: those of cubesat are pulled to 1.8 times their limit where nothing spares them."""
+    return SCENARIOS["flex"].appendages.equip(SATELLITES[name])[25]
+
+
 def pilot_of(kind, pyramid):
     if kind == "tracker_gate":
         return tracked("faults")
@@ -79,6 +90,14 @@ def pilot_of(kind, pyramid):
     if kind == "panels":
         sheet = problem("microsat", scenario="flex").satellites[3]
         return Pilot(sheet, ShapedSquarePolicy(), scenario="flex", control="rate")
+    if kind == "tour_rigid":
+        return Pilot("microsat", "panel_tour", control="rate")
+    if kind == "tour_panels_tank":
+        sheet = panelled("microsat")
+        panels = sheet.oscillators[0].replace(axis=[0.0, 0.6, 0.8])  # so that corners drive and bend it differently
+        return Pilot(sheet.replace(oscillators=(panels, TANK)), toured(kind), control="rate")
+    if kind == "tour_panels":
+        return Pilot(panelled("cubesat"), "panel_tour", scenario="flex", control="rate")
     if kind.startswith("corners"):
         return Pilot("microsat" if kind == "corners_rate" else SLOW, toured(kind), control="rate")
     satellite = pyramid if kind.startswith("pyramid") else "microsat"
@@ -102,10 +121,13 @@ KINDS = [
     "corners_rate",
     "corners_pyramid_rate",
     "tracker_gate",
+    "tour_panels",
+    "tour_rigid",
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("tracker_late", "tour_panels_tank")),
 ]
 
 
-@pytest.mark.parametrize("kind", [*KINDS, pytest.param("tracker_late", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", KINDS)
 def test_it_flies_a_whole_flight_as_python_does(kind, pyramid, tmp_path):
     """Torque, estimate and its standard deviations to 1e-6, with lost and repeated readings: check.c compares."""
     pilot = pilot_of(kind, pyramid)
@@ -238,7 +260,7 @@ def test_readings_that_fail_are_handled_as_pilot_handles_them(kind, pyramid, tmp
     assert flown.status.rate_max > 0.3
 
 
-@cases("kind", ["generalist", "pyramid_rate", "panels"])
+@cases("kind", ["generalist", "pyramid_rate", "panels", "tour_panels"])
 def test_no_reading_makes_it_command_what_is_not_finite_or_beyond_a_limit(kind, pyramid, tmp_path):
     pilot = pilot_of(kind, pyramid)
     flown, rng, n = Flown(tmp_path, pilot), np.random.default_rng(4), pilot.problem.wheels
@@ -306,6 +328,8 @@ def test_what_has_no_c_is_refused_in_one_line(tmp_path, capsys):
     assert main(["export", "--policy", "mpc", "--output", str(tmp_path)]) == 2
     with pytest.raises(ValueError, match=r"tank_tour cannot be written in C for microsat.* 1 layers.*peak_kept"):
         texts(Pilot("microsat", find("tank_tour"), control="rate"))
+    with pytest.raises(ValueError, match="features none, is not shaped, and there are 1 modes: give a policy of"):
+        texts(Pilot(panelled("microsat"), find("rigid_tour"), scenario="flex", control="rate"))
     assert capsys.readouterr().err.startswith("error: policy mpc has no C: give a learned policy, rate_square")
 
 

@@ -61,8 +61,22 @@ def shaped(
 
 def bearable(modes: Modes, rates: np.ndarray, share: float) -> np.ndarray:
     """Rates (N, K, 3) over the limit, made smaller where their rotation pulls a mode beyond a share of its limit."""
-    room = share * modes.limit[:, None] / np.maximum(np.abs(modes.pulled(rates)), TINY)
-    return rates * np.sqrt(np.minimum(room, 1.0)).min(axis=2, initial=1.0)[:, :, None]
+    smaller = np.empty(rates.shape)
+    bear_many(modes, np.array(rates, order="C"), np.full(len(rates), share), smaller)
+    return smaller
+
+
+@kernel
+def bear_many(modes, wanted, share, rates):
+    """See `bearable`; a share (N,)."""
+    for i in range(wanted.shape[0]):
+        for c in range(wanted.shape[1]):
+            room = 1.0
+            for m in range(modes.limit.shape[1]):
+                pulled = abs(pulled_by(modes, i, m, load(wanted[i, c])))
+                room = min(room, share[i] * modes.limit[i, m] / max(pulled, TINY))
+            for k in range(3):
+                rates[i, c, k] = wanted[i, c, k] * np.sqrt(room)
 
 
 @kernel

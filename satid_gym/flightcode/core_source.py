@@ -10,6 +10,7 @@ import numpy as np
 from satid_gym.control.decoded_observation import PlantConstants
 from satid_gym.control.rate_loop import drive_many
 from satid_gym.core.belief import filters
+from satid_gym.core.observed_number import BOUND, LOG_OFFSET
 from satid_gym.core.records import FLOAT
 from satid_gym.core.report import note_peaks
 from satid_gym.estimators.records import new_work
@@ -25,7 +26,8 @@ from satid_gym.flightcode.c_types import (
     record_structs,
 )
 from satid_gym.flightcode.layout import lines_of
-from satid_gym.flightcode.sources import stored_fields
+from satid_gym.flightcode.policy_source import PolicySource
+from satid_gym.flightcode.sources import Source, stored_fields
 from satid_gym.flightcode.translator import Translator
 from satid_gym.onboard import kernels
 from satid_gym.onboard.pilot import Pilot
@@ -39,14 +41,14 @@ class CoreSource:
 
     Args:
         pilot: whose filter and rate loop it is.
-        constants: of the satellite, where the policy's commands are brought to wheel torque once a decision.
+        policy: whose functions it has too.
         counting: whether the code counts its operations.
 
     Attributes:
         header, source: texts of satid_core.h and satid_core.c.
     """
 
-    def __init__(self, pilot: Pilot, constants: PlantConstants | None = None, counting: bool = False) -> None:
+    def __init__(self, pilot: Pilot, policy: PolicySource, counting: bool = False) -> None:
         first = build_templates(pilot.problem).records
         self._belief, self._task = first.beliefs, first.tasks
         called: list[Callable[..., Any]] = [
@@ -81,8 +83,10 @@ class CoreSource:
             self._add("let_go", kernels.let_go, [some[2]])
         self._add("tell", filters.tell, [("belief", belief), ("report", report)])
         self._add("note_peaks", note_peaks, [("readings", readings), ("belief", belief), ("report", report)])
-        if constants is not None:
-            self._add_drive(constants, n, p)
+        if policy.constants is not None:
+            self._add_drive(policy.constants, n, p)
+        if policy.shaping:
+            self._add_shaping(policy, len(self._belief["modes"]["frequency"][0]))
         self.header, self.source = self._header(pilot), self._source()
 
     def _add_drive(self, constants: PlantConstants, n: int, p: int) -> None:
@@ -97,6 +101,18 @@ class CoreSource:
         given: list[tuple[str, Type]] = [("decoded", decoded), ("commands", commands), ("own", own)]
         given += [("margin", DOUBLE), ("period", DOUBLE), ("actions", actions)]
         self._add("drive", drive_many, given)
+
+    def _add_shaping(self, policy: PolicySource, m: int) -> None:
+        shapes = {"swing": (m, 2), "direction": (m, 3), "bent": (m,), "turned": (m,), "limit": (m,), "pull": (m, 6)}
+        modes = record_of("satid_modes", np.dtype([(name, FLOAT, (1, *shape)) for name, shape in shapes.items()]))
+        self._records.append(modes)
+        given: dict[str, Type] = {"modes": modes, "pulled": Array("double", (1, policy.choices, m))}
+        given |= dict.fromkeys(("wanted", "rates"), Array("double", (1, policy.choices, 3)))
+        given |= dict.fromkeys(("held", "edge", "most"), Array("double", (1, 3)))
+        given["share"] = Array("double", (1,))
+        for function in policy.shaping:
+            source = Source(function)
+            self._add(source.tree.name.removesuffix("_many"), function, [(own, given[own]) for own in source.arguments])
 
     def _add(self, name: str, function: Callable[..., Any], given: list[tuple[str, Type]]) -> None:
         """Make a function known to the pilot as satid_core_NAME."""
@@ -147,6 +163,8 @@ class CoreSource:
             "RATE_LIMIT": float(task["rate_limit"]),
             "SUBSTEPS": int(belief["substeps"]),
             "SCALE_VARIANCE": float(belief["scale_variance"]),
+            "BOUND": BOUND,
+            "LOG_OFFSET": LOG_OFFSET,
         }
         places = [f"#define SATID_AT_{name.upper()} {place.start}" for name, place in pilot.problem.layout.items()]
         return [*(f"#define SATID_{name} {number(value)}" for name, value in numbers.items()), *places]

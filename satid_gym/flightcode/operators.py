@@ -40,6 +40,7 @@ FUNCTIONS: dict[Any, str] = {
     np.sin: "sin",
     np.cos: "cos",
     np.arctan2: "atan2",
+    np.hypot: "hypot",
     np.log: "log",
     np.log10: "log10",
     np.ceil: "ceil",
@@ -235,4 +236,4 @@ class Operators(ABC):
             return Value(f"{name}({arguments[0].code})", INT)
         if kind != DOUBLE:
             raise self.source.refuse(node, "this function of an integer")
-        return self.counted(Value(f"{name}({arguments[0].code})", DOUBLE))
+        return self.counted(Value(f"{name}({', '.join(argument.code for argument in arguments)})", DOUBLE))

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
-from satid_gym.control.corners.choice import EARLY, LATE
-from satid_gym.control.corners.features import RIGID, SLEWS
+from satid_gym.control.corners.choice import EARLY, LATE, SLOWEST
+from satid_gym.control.corners.features import SLEWS, UNFORESEEN
+from satid_gym.control.corners.tour import CAUTION, CORNERS, SHARE
 from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import PlantConstants
+from satid_gym.control.mode_shaping import bear_many, shape_many
+from satid_gym.control.observed_modes import TINY, pulled_many
 from satid_gym.control.rate_loop import RateMargin
 from satid_gym.core.observation import MODE_PARTS, MODE_PLACES
 from satid_gym.flightcode.c_types import number
@@ -41,6 +46,8 @@ class PolicySource:
         state: lines of its struct.
         files: texts of files of its own, by name.
         constants: of the satellite, where its commands are brought to wheel torque once a decision.
+        shaping: functions of observed modes that it calls, to be translated.
+        choices: how many rates these are given at once.
     """
 
     template: str
@@ -48,15 +55,21 @@ class PolicySource:
     state: str = _COUNTER
     files: dict[str, str] = field(default_factory=dict)
     constants: PlantConstants | None = None
+    shaping: tuple[Callable[..., Any], ...] = ()
+    choices: int = 0
 
     def texts(self) -> dict[str, str]:
         """All files by name."""
         lines = [f"#define SATID_{name} {value}" for name, value in self.numbers.items()]
-        own = {self.template: template(self.template), "satid_policy.h": _HEADER.format("\n".join(lines), self.state)}
+        include = '#include "modes.h"\n' if self.shaping else ""
+        header = _HEADER.format(include, "\n".join(lines), self.state)
+        own = {self.template: template(self.template), "satid_policy.h": header}
         if "COMMAND_IS_RATE" in self.numbers:
             own["command.h"] = template("command.h")
         if self.constants is not None:
             own |= {name: template(name) for name in ("rate_loop.h", "rate_loop.c")}
+        if self.shaping:
+            own |= {name: template(name) for name in ("modes.h", "modes.c")}
         return own | self.files
 
 
@@ -65,7 +78,7 @@ _HEADER = """/* Policy: what it remembers, and its action for an observation. */
 #define SATID_POLICY_H
 
 #include "satid_core.h"
-
+{}
 {}
 
 typedef struct {{
@@ -121,9 +134,12 @@ def _commanding(pilot: Pilot, source: PolicySource, margin: float) -> PolicySour
         source.constants = PlantConstants.of([pilot.mission])
         source.numbers["MARGIN"] = number(margin)
     else:
-        shares = RateMargin([pilot.mission], margin)(np.zeros((1, 1)), np.ones((1, 3)))[0]
-        source.numbers["SHARES"] = _braces(shares)
+        source.numbers["SHARES"] = _shares(pilot, margin)
     return source
+
+
+def _shares(pilot: Pilot, margin: float) -> str:
+    return _braces(RateMargin([pilot.mission], margin)(np.zeros((1, 1)), np.ones((1, 3)))[0])
 
 
 def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
@@ -160,41 +176,53 @@ def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
 
 def _tour(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
     satellite, weights = pilot.mission.satellite, policy.network.weights
-    unknown = sorted(set(policy.corner_features) - set(RIGID))
-    if satellite.modes or unknown or len(weights) > 1:
+    unknown = sorted(set(policy.corner_features) - set(UNFORESEEN))
+    if unknown or len(weights) > 1 or (satellite.modes and not policy.is_shaped):
         raise ValueError(
-            f"policy {policy.name} cannot be written in C for {satellite.name}: a score of corners can for satellites "
-            f"without panels and tanks, as a network of one layer whose features need no modes, stars or windows; "
-            f"this has {len(satellite.modes)} modes, {len(weights)} layers, and of such features "
-            f"{', '.join(unknown) or 'none'}"
+            f"policy {policy.name} cannot be written in C for {satellite.name}: a score of corners can as a network of "
+            f"one layer, whose features take no forecast peaks, stars or windows, and which is shaped where there are "
+            f"panels or tanks; this has {len(weights)} layers, of such features {', '.join(unknown) or 'none'}, is "
+            f"{'' if policy.is_shaped else 'not '}shaped, and there are {len(satellite.modes)} modes: give a policy of "
+            "agents.evolution --shaped, such as panel_tour, or shaped_square"
         )
     craft = Craft.of([pilot.mission])
     scored = zip(policy.corner_features, weights[0][0], strict=True)
     lines = [f"    X({name}, {number(float(str(weight)))}f)" for name, weight in scored]
     text = " \\\n".join(["/* Weights of the score. */\n#define SCORE(X)", *lines]) + "\n"
-    state = f"{_COUNTER}\n    double side[3], waited[3]; /* s */"
-    source = PolicySource(template="policy_corner_tour.c", files={"corners.h": text}, state=state)
-    source = _commanding(pilot, source, policy.margin)
+    own = ("turn_gain.h", "turn_gain.c", "corner_features.h", "corner_features.c")
+    source = PolicySource(
+        template="policy_corner_tour.c",
+        files={"corners.h": text, **{name: template(name) for name in own}},
+        state="    double side[3], waited[3]; /* s */",
+    )
     rows = ", ".join(_braces(row) for row in craft.inertia[0])
     source.numbers |= {"INERTIA": f"{{{rows}}}", "MOMENTUM": _braces(craft.momentum[0])}
+    source.numbers["SHARES"] = _shares(pilot, policy.margin)
     numbers = {"NOISE": float(craft.noise[0]), "HOLD": HOLD, "SLEWS": SLEWS, "EARLY": EARLY, "LATE": LATE}
     source.numbers |= {f"TURN_{name}": number(value) for name, value in numbers.items()}
+    if satellite.modes:  # else shaping does nothing
+        _spare_modes(pilot, source, SHARE, CAUTION)
+        source.numbers["SLOWEST"] = number(SLOWEST)
+        source.shaping, source.choices = (bear_many, shape_many, pulled_many), len(CORNERS)
     return source
 
 
 def _shaped(pilot: Pilot, policy: ShapedSquarePolicy) -> PolicySource:
-    count = max(len(pilot.mission.satellite.modes), 1)
-    state = (
-        "    int32_t begun;\n    double phase[3], reference[3];\n"
-        f"    double nominal[{count}], size[{count}]; /* of each mode, by the data sheet */"
-    )
+    state = "    double phase[3], reference[1][3];"
     source = _commanding(pilot, PolicySource(template="policy_shaped_square.c", state=state), policy.margin)
-    for name in ("period", "share", "caution", "dwell", "amplitude"):
-        source.numbers[name.upper()] = number(getattr(policy, name))
+    _spare_modes(pilot, source, policy.share, policy.caution)
+    source.numbers |= {name.upper(): number(getattr(policy, name)) for name in ("period", "dwell", "amplitude")}
+    source.shaping, source.choices = (shape_many,), 1
+    return source
+
+
+def _spare_modes(pilot: Pilot, source: PolicySource, share: float, caution: float) -> None:
+    """Add what reading the modes takes."""
+    source.state += "\n    satid_mode_sheet sheet;"
+    source.numbers |= {"SHARE": number(share), "CAUTION": number(caution), "TINY": number(TINY)}
     source.numbers["MOMENTS"] = _braces(np.diag(pilot.mission.prior.inertia))
     source.numbers |= {f"MODE_{name.upper()}": str(place) for name, place in MODE_PLACES.items()}
     source.numbers["MODE_PARTS"] = str(sum(MODE_PARTS.values()))
-    return source
 
 
 def _script(pilot: Pilot) -> PolicySource:

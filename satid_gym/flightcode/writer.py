@@ -13,7 +13,8 @@ from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.onboard.pilot import Pilot
 
 _SAME_FOR_ALL = ("satid_math.h", "satid_pilot.h", "satid_pilot.c", "check.c", "Makefile")
-_OWN = {file.name for file in files("satid_gym.flightcode").joinpath("c").iterdir()} | {"network.h", "script.h"}
+_GENERATED = {"corners.h", "network.h", "script.h"}
+_OWN = {file.name for file in files("satid_gym.flightcode").joinpath("c").iterdir()} | _GENERATED
 _DECISIONS_MAX = 60  # of the test vectors' flight
 
 
@@ -50,7 +51,7 @@ def texts(pilot: Pilot, counting: bool = False) -> dict[str, str]:
         ValueError: its policy has no C.
     """
     policy = policy_source(pilot)
-    core = CoreSource(pilot, policy.constants, counting)
+    core = CoreSource(pilot, policy, counting)
     own = {"satid_core.h": core.header, "satid_core.c": core.source}
     return own | policy.texts() | {name: template(name) for name in _SAME_FOR_ALL}
 

@@ -15,7 +15,7 @@ from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.core.observed_sky import WINDOW_UNIT
 
-_SLOWEST = 1e-3  # w T
+SLOWEST = 1e-3  # w T
 EARLY, LATE = 10.0, 30.0  # s
 CLOSING = 10.0  # s, the time constant of `closing`
 SHORT = 3.0  # s at the rate limit, a rotation of which star fixes tell little
@@ -175,7 +175,7 @@ class Choice:
         over = modes.swing / modes.limit[:, :, None]
         row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
         deflection, speed = over[row, nearest].T[:, :, None]
-        frequency = np.log(np.maximum(modes.turned[row, nearest], _SLOWEST))[:, None]
+        frequency = np.log(np.maximum(modes.turned[row, nearest], SLOWEST))[:, None]
         return NearestMode(nearest, modes.direction[row, nearest], deflection, speed, frequency)
 
     @cached_property

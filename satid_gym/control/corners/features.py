@@ -94,6 +94,8 @@ def _without(*parts: str) -> tuple[str, ...]:
 
 RIGID = _without(*_OF_MODES, *_OF_STARS, *_OF_WINDOWS)
 """Those that a satellite without panels, tanks and star tracker has, wherever it flies."""
+UNFORESEEN = _without("peak", *_OF_STARS, *_OF_WINDOWS)
+"""Those and the ones of modes that forecast no peaks: what a shaped tour has without star tracker and windows."""
 
 
 def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:

@@ -2,8 +2,6 @@
 
 #include "satid_policy.h"
 
-#define LOG_OFFSET 2.0 /* a standard deviation of 1 % of its scale is observed as 0 */
-
 /* The observation in physical units, as satid_gym.control.decoded_observation reads it. */
 static void decode(const float *observation, const satid_constants *own, satid_decoded *out)
 {
@@ -23,7 +21,7 @@ static void decode(const float *observation, const satid_constants *own, satid_d
         out->inertia[0][i][j] = out->inertia[0][j][i] = own->prior[0][i][j] + scale * (double)change[3 + k];
     }
     for (int k = 0; k < SATID_PARAMETERS; k++) {
-        out->inertia_std[0][k] = pow(10.0, (double)observation[SATID_AT_UNCERTAINTY + k] - LOG_OFFSET);
+        out->inertia_std[0][k] = pow(10.0, (double)observation[SATID_AT_UNCERTAINTY + k] - SATID_LOG_OFFSET);
     }
     for (int k = 0; k < SATID_WHEELS; k++) {
         out->wheel_momentum[0][k] = (double)observation[SATID_AT_WHEEL_SPEED + k] * own->max_spin[0][k];
