@@ -18,7 +18,7 @@ from agents.docs.consistency_table import consistency, consistency_table, timing
 from agents.docs.limits_figure import share_table
 from agents.docs.readme import REMEDY, RESULTS, ROOT, between
 from agents.docs.specification import satellites, section_table, vector_arguments
-from agents.unseen.table import unseen
+from agents.unseen.table import unseen, unseen_flex
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
@@ -183,6 +183,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "standing.md": {"ladders": worlds.ladders},
     "training.md": {
         "unseen": unseen,
+        "unseen with panels": unseen_flex,
         "stars": worlds.pairs("calibration", "stargazer", "prbs rate_square mpc swing_and_stop filter_mpc"),
         "panels": worlds.pairs("flex", "panel_tour", "shaped_square spared_square filter_mpc"),
         "tank": worlds.pairs("slosh", "tank_tour", "spared_square corner_tour filter_mpc"),
