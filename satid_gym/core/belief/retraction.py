@@ -15,6 +15,13 @@ and the covariance of M is taken to the new omega and J. All this is done at one
 At the filter's own rate J^-1 m, which has the noise of the tachometers, as the innovation has, M would take up that
 noise times the change of theta, at each reading with the same sign: J would grow for as long as the flight lasts.
 
+A gyro of unknown scale has another such direction. Only the weak torque-free turning of M tells (1 + G) J^-1 from its
+parts: with any s, dM = 0, d omega = -omega s, dtheta = theta s and dG = (1 + G) s give the same readings. It moves with
+the estimates of omega and theta, so that corrections of both would pass for information on G, and pull it to one side
+for as long as theta is taken to vary. So what lasts over an update is the error of what the gyro reads,
+d omega + dG r, and theta's relative to theta, which rotors of unknown inertia need as well: where the rate goes from r
+to r + dr, dM has -J' dG dr in addition, and dtheta grows as theta does, that of a product as its moments' mean.
+
 r follows d omega and the motion: the most likely rate y at once where that is beyond the noise of the tachometers, and
 else a running mean of y, whose noise is hardly any excitation. A reference that stayed where it is within the noise
 would be off the rate for minutes: motion that never was. Of a body that never moves even the running mean's noise would
@@ -28,6 +35,8 @@ as a stable observer (2017), where errors are chosen so that what cannot be obse
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from satid_gym.core.algebra import add, axpy, inverse, load, multiply, store, store_symmetric, subtract
 from satid_gym.core.belief import calibration, modes
@@ -141,16 +150,72 @@ def finish(belief, work):
     if flexible > 0:
         _write_modes(belief, work, rate, turned)
     write_times_regressor(identity, rate, regressor)
+    _write_growth(belief, prior, work.theta)
     for i in range(3):
         for k in range(p):
-            transition[i, 3 + k] += regressor[i, k]
+            transition[i, 3 + k] += regressor[i, k] * work.theta[k]
+    _write_gain(belief, inertia, lasting, transition)
     propagate(belief, work, 0.0)
+    _write_gain(belief, inertia, (0.0, 0.0, 0.0), transition)  # predictions write no columns of G
+    _grow(belief, work.theta)
     store(belief.reference_rate, rate)
     store(belief.smoothed_rate, add(load(belief.smoothed_rate), lasting))
     a = calibration.wheel_input(belief, belief.speed)
     store(belief.wheel_input, a)
     total = add(carried, a)
     store(mean, total if flexible == 0 else add(total, modes.momentum(belief)))
+
+
+@inline
+def _is_relative(belief):
+    """Whether errors of theta last relative to theta."""
+    return belief.calibration.gain > 0 or belief.calibration.wheels > 0
+
+
+@inline
+def _write_growth(belief, prior, growth):
+    """What theta's errors grow by (p,), where theta comes from that of the mean `prior`."""
+    p = growth.shape[0]
+    for k in range(p):
+        growth[k] = 1.0
+    if not _is_relative(belief):
+        return
+    for k in range(3):
+        growth[k] = belief.mean[3 + k] / prior[3 + k]
+    if p == 6:
+        growth[3] = np.sqrt(growth[0] * growth[1])
+        growth[4] = np.sqrt(growth[0] * growth[2])
+        growth[5] = np.sqrt(growth[1] * growth[2])
+
+
+@inline
+def _grow(belief, growth):
+    """Let theta's errors grow, and the adaptation's derivatives with them."""
+    if not _is_relative(belief):
+        return
+    P, t, D = belief.covariance, belief.adaptation.theta_slope, belief.adaptation.covariance_slope
+    p = growth.shape[0]
+    for k in range(p):
+        t[k] *= growth[k]
+        for j in range(p):
+            D[k, j] *= growth[k] * growth[j]
+        for j in range(P.shape[0]):
+            P[3 + k, j] = P[j, 3 + k] = P[3 + k, j] * growth[k]
+        P[3 + k, 3 + k] *= growth[k]
+
+
+@inline
+def _write_gain(belief, inertia, moved, transition):
+    """Columns of G in the transition of M, -J dG dr, for a rate that has moved by dr."""
+    g = belief.calibration.gain
+    if g == 0:
+        return
+    x, y, z, xy, xz, yz = inertia
+    J = (x, xy, xz), (xy, y, yz), (xz, yz, z)
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                transition[i, g + 3 * j + k] = -J[i][j] * moved[k]
 
 
 @inline

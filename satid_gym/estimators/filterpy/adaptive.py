@@ -82,7 +82,8 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         return nis
 
     def _learn(self, d: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-        inverse = np.linalg.inv(before)
+        growth = self._growth  # of the errors since: what was learned is in those of before
+        inverse, after = np.linalg.inv(before), after / np.outer(growth, growth)
         u, w, t, slope = inverse @ d, inverse @ (before - after) @ inverse, self._theta_slope, self._covariance_slope
         score = u @ t + 0.5 * (u @ slope @ u - np.trace(w @ slope))
         information = t @ w @ t + 0.5 * np.trace(w @ slope @ w @ slope)
@@ -90,7 +91,8 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         gain = 1.0 - np.trace(kept) / len(d)
         self._usual_age += 0.1 * gain * (self._age - self._usual_age)
         self._age *= 1.0 - gain
-        self._theta_slope, self._covariance_slope = kept @ (t + slope @ u), kept @ slope @ kept.T
+        self._theta_slope = growth * (kept @ (t + slope @ u))
+        self._covariance_slope = np.outer(growth, growth) * (kept @ slope @ kept.T)
         self._variance = 1.0 / (1.0 / self._variance + information)
         e = self._e + np.clip(self._variance * score, -2.0, 2.0)
         self._e = float(np.clip(e, -1.0, self._log_q(self.momentum.inertia_walk_max)))

@@ -6,6 +6,7 @@ import numpy as np
 
 from satid_gym.estimators.calibration import calibration_covariance
 from satid_gym.estimators.filterpy.model import MomentumModel, regressor, tensor
+from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.prior import FilterPrior
 
@@ -83,6 +84,19 @@ class CalibratedModel(MomentumModel):
         by_errors = self._columns(np.zeros((3, 3)), np.zeros((3, 9)), -np.kron(a, np.eye(3)))
         others = np.zeros((3, self.first - 3 - self.p))
         return np.hstack([np.eye(3), -regressor(omega, self.p), others, by_errors])
+
+    def growth(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """What an update from one state to another does to errors: those of theta stay what they are relative to it."""
+        grown = np.ones(self.size)
+        if self.kinds[1] or self.kinds[2]:
+            root = np.sqrt(after[3:6] / before[3:6])
+            grown[3 : 3 + self.p] = inertia_parameters(np.outer(root, root), self.parameters)
+        return np.diag(grown)
+
+    def gain_errors(self, omega: np.ndarray) -> np.ndarray:
+        """dG omega of an error of the state, (3, size)."""
+        by_errors = self._columns(np.zeros((3, 3)), np.kron(np.eye(3), omega), np.zeros((3, 3 * self.n)))
+        return np.hstack([np.zeros((3, self.first)), by_errors])
 
     def measurement_jacobian(self, x: np.ndarray, a: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """Jacobian of the reading, its part by theta and G at the most likely rate."""

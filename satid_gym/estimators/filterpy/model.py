@@ -129,6 +129,14 @@ class MomentumModel:
         """C (3, size) with J d omega = C dx at a state and the rate omega: d(M - a) - L(omega) dtheta."""
         return np.hstack([np.eye(3), -regressor(omega, self.p), np.zeros((3, 3))])
 
+    def growth(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """What an update from one state to another does to errors, (size, size) and diagonal: nothing."""
+        return np.eye(self.size)
+
+    def gain_errors(self, omega: np.ndarray) -> np.ndarray:
+        """dG omega of an error of the state, (3, size): none."""
+        return np.zeros((3, self.size))
+
     def rate_jacobian(self, x: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Jacobian (3, size) of the rate."""
         return np.linalg.solve(self.inertia(x), self.spin_errors(x, a, self.rate(x, a)))

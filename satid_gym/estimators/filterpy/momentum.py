@@ -179,6 +179,7 @@ class FilterpyMomentumEKF(Reference):
 
     def _condition(self, gyro: np.ndarray) -> float:
         kf, model, a = self.filter, self.model, self._a
+        self._growth = np.ones(model.p)
         if np.all(np.sqrt(np.diag(kf.P)[3:6]) <= 0.01 * kf.x[3:6]):
             self._stepped = False
         prior, covariance = kf.x.copy(), kf.P.copy()
@@ -230,7 +231,11 @@ class FilterpyMomentumEKF(Reference):
         before, inertia, identity = model.inertia(x), model.inertia(kf.x), np.eye(model.size)
         carried = before @ (omega - model.reference) + inertia @ (model.reference + correction)
         model.reference, model.smoothed = model.reference + correction, model.smoothed + correction
-        identity[:3] = inertia @ to_rate + identity[:3] - model.spin_errors(kf.x, a, model.reference)
+        grown = model.growth(x, kf.x)
+        identity[:3] = inertia @ to_rate + (identity[:3] - model.spin_errors(kf.x, a, model.reference)) @ grown
+        identity[:3] -= inertia @ model.gain_errors(correction)
+        identity[3:] = grown[3:]
         kf.P = identity @ kf.P @ identity.T
+        self._growth = np.diag(grown)[3 : 3 + model.p]
         kf.x[:3] += carried - inertia @ model.rate(kf.x, a)
         return float(kf.y @ kf.SI @ kf.y) / 3.0
