@@ -115,7 +115,7 @@ def test_a_tour_goes_on_from_its_memory_in_any_row(name, scenario):
     tour.begin(COUNT)
     other.begin(1)
     rows = np.array([2, 0, 0, 3, 1, 2])
-    for t in range(60):
+    for t in range(65):
         if t == 30:
             other.memory = tour.memory.take(rows)
         action = tour(observation, policy.score)
