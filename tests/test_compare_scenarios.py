@@ -78,7 +78,7 @@ def test_by_body_rates_tuned_laws_fly_next_to_a_policy_that_commands_them(monkey
     for name, policy in (("tank_tour", find("tank_tour")), ("shaped_square", law)):
         direct = fly(policy, control="rate", seeds=seeds("validation", 2), **cell).scores()["mean_error"].mean()
         assert found[name] == pytest.approx(direct)
-    monkeypatch.setattr(sys, "argv", ["evaluate", "tank_tour", *line.split()[:-2], "--beside", "spared_square"])
+    monkeypatch.setattr(sys, "argv", ["evaluate", "tank_tour", *line.split()[:-2], "--against", "spared_square"])
     assert exit_code(evaluate.main) == 0
     assert "spared_square" in capsys.readouterr().out
 
@@ -136,16 +136,16 @@ def test_a_policy_is_evaluated_among_panels(monkeypatch, capsys, tmp_path):
         "--episodes",
         "2",
     ]
-    monkeypatch.setattr(sys, "argv", ["evaluate", *line, "--beside", "sine"])
+    monkeypatch.setattr(sys, "argv", ["evaluate", *line, "--against", "sine"])
     assert exit_code(evaluate.main) == 2
-    assert capsys.readouterr().err.endswith("; or fly another next to it, such as --beside zero\n")
-    monkeypatch.setattr(sys, "argv", ["evaluate", *line, "--beside", "zero"])
+    assert capsys.readouterr().err.endswith("; or fly another next to it, such as --against zero\n")
+    monkeypatch.setattr(sys, "argv", ["evaluate", *line, "--against", "zero"])
     assert exit_code(evaluate.main) == 0
     assert "mine" in capsys.readouterr().out
 
 
 def test_a_baseline_is_no_learned_policy():
-    with pytest.raises(ValueError, match=r"'zero' is a baseline.*'rigid_tour'.*--beside zero") as refusal:
+    with pytest.raises(ValueError, match=r"'zero' is a baseline.*'rigid_tour'.*--against zero") as refusal:
         entrant("zero")
     assert "Did you mean" not in str(refusal.value)
     with pytest.raises(ValueError, match=r"unknown policy .* 'tank_tuor'.*Did you mean 'tank_tour'"):

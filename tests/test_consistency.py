@@ -90,7 +90,7 @@ def band(episodes: int, tests: int) -> tuple[float, float]:
     return tuple(scipy.stats.chi2.ppf([tail, 1.0 - tail], 3 * episodes) / (3 * episodes))
 
 
-# Honest uncertainty
+# Consistent uncertainty
 
 
 MATCHED = {

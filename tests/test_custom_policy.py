@@ -127,7 +127,7 @@ def test_the_comparison_flies_it_and_says_of_what_code(module):
 
 
 def test_the_evaluation_flies_it_next_to_a_baseline(module):
-    line = "--satellites microsat --modes static --episodes 2 --beside zero"
+    line = "--satellites microsat --modes static --episodes 2 --against zero"
     code, printed = call(evaluate.main, f"my_policies:Spin {line}")
     assert code == 0
     assert "my_policies:Spin: 2 episodes" in printed

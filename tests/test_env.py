@@ -450,7 +450,7 @@ def test_a_satellite_whose_draws_are_all_impossible_says_so():
         env.step(np.zeros(3))
 
 
-def test_draws_beside_the_impossible_are_drawn_again():
+def test_draws_next_to_impossible_ones_are_drawn_again():
     """Half the draws about a flat plate are impossible; none of those flies."""
     plate = Satellite("plate", (6.0, 6.0, 12.0), SATELLITES["microsat"].wheels)
     _, info = SatInertiaIDVectorEnv(500, plate).reset(seed=0)

@@ -284,8 +284,8 @@ def test_what_is_not_tuned_is_one_short_note_for_each_command():
     ("module", "line"),
     [
         (compare, "--policies sine zero --satellites scout.toml --episodes 2"),
-        (evaluate, "generalist --satellites scout.toml --episodes 2 --beside sine"),
-        (record, "generalist --satellite scout.toml --beside sine"),
+        (evaluate, "generalist --satellites scout.toml --episodes 2 --against sine"),
+        (record, "generalist --satellite scout.toml --against sine"),
     ],
 )
 def test_a_baseline_that_was_asked_for_and_has_no_settings_is_refused_with_the_command(module, line):
@@ -392,7 +392,7 @@ def test_learned_policies_that_do_not_fit_a_satellite_are_left_out_or_refused():
     assert {policy.name for policy in entrants.policies_for["tilted"]} >= {"mpc", "zero"}
     assert not {"generalist", "ppo"} & {policy.name for policy in entrants.policies_for["tilted"]}
     assert any("'tilted': policy generalist takes observations of" in line for line in entrants.not_tuned)
-    code, _, errors = call(evaluate, "generalist --beside zero --satellites crafts:TILTED --episodes 2")
+    code, _, errors = call(evaluate, "generalist --against zero --satellites crafts:TILTED --episodes 2")
     assert (code, errors.count("\n")) == (2, 1)
     assert "policy generalist takes observations of" in errors
 
@@ -454,7 +454,7 @@ def test_policies_with_one_name_are_refused_with_the_way_out(folder):
         assert words in errors
     entrants = compare.Comparison(policies=("one", "other=two", "chirped=chirp_like")).entrants()
     assert [policy.name for policy in entrants.policies_for["cubesat"]] == ["mine", "other", "chirped"]
-    code, _, errors = call(record, "one --beside two")
+    code, _, errors = call(record, "one --against two")
     assert code == 2
     assert "both policies have the name 'mine': tell them apart by NAME=PATH, say other=two" in errors
 
@@ -475,7 +475,7 @@ def test_find_takes_a_runs_folder_and_another_name(folder):
 def test_evaluate_flies_ones_own(folder):
     save_policy(folder / "mine")
     code, printed, errors = call(
-        evaluate, "mine --beside zero --satellites scout.toml --modes fuel.csv --scenario brief.json --episodes 2"
+        evaluate, "mine --against zero --satellites scout.toml --modes fuel.csv --scenario brief.json --episodes 2"
     )
     assert code == 0, errors
     assert "scout: final error" in printed
@@ -484,7 +484,7 @@ def test_evaluate_flies_ones_own(folder):
 
 def test_a_pairing_flies_ones_own():
     pairing = Pairing(
-        policy="zero", beside="random", satellite="scout.toml", inertia="fuel.csv", scenario="brief.json", horizon=12.0
+        policy="zero", against="random", satellite="scout.toml", inertia="fuel.csv", scenario="brief.json", horizon=12.0
     )
     first, second = pairing.rollouts()
     for _ in range(12):

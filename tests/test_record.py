@@ -71,7 +71,7 @@ def test_pilots_meet_the_same_truth_as_the_comparison_does():
 def test_by_body_rates_baselines_have_the_settings_of_the_standing_table():
     """Error at the end as in a flight of the gate, in units of the rotors' inertia, not in kg m^2."""
     pairing = Pairing(
-        policy="stargazer", beside="swing_and_stop", scenario="calibration", inertia="static", control="rate"
+        policy="stargazer", against="swing_and_stop", scenario="calibration", inertia="static", control="rate"
     )
     cell = Cell(scenario="calibration", satellite="microsat", inertia="static")
     settings, tuned = tuned_rival("calibration", "microsat", "swing_and_stop")
@@ -102,7 +102,7 @@ def test_what_cannot_be_flown_is_refused_with_what_to_do(policy, given, message)
 
 
 def test_a_law_that_is_not_tuned_for_the_satellite_flies_and_says_so(capsys):
-    pairing = Pairing(policy="corner_tour", scenario="slosh", satellite="innocube", control="rate", beside="zero")
+    pairing = Pairing(policy="corner_tour", scenario="slosh", satellite="innocube", control="rate", against="zero")
     assert pairing.rollouts()[0].policy.name == "corner_tour"
     said = capsys.readouterr().err
     assert "note: corner_tour is not tuned for satellite 'innocube'" in said
@@ -128,7 +128,7 @@ def test_pilots_see_what_their_policies_ask_for(tmp_path):
     rng = np.random.default_rng(0)
     layer = Network((rng.standard_normal((3, 70)).astype(np.float32),), (np.zeros(3, np.float32),))
     LearnedPolicy("wide", layer, "rate", 2.4, include_covariance=True).save(tmp_path / "wide")
-    wide, zero = Pairing(policy=str(tmp_path / "wide"), beside="zero", horizon=10.0).rollouts()
+    wide, zero = Pairing(policy=str(tmp_path / "wide"), against="zero", horizon=10.0).rollouts()
     for rollout, size in ((wide, 70), (zero, 37)):
         rollout.step()
         assert rollout.env.observation_space.shape == (size,)
@@ -195,7 +195,7 @@ def test_an_mp4_holds_every_frame(tmp_path, monkeypatch, capsys):
 
 def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
     path = tmp_path / "flight.gif"
-    arguments = ("multi_step", "--beside", "zero", "--inertia", "static", "--horizon", "6", "--every", "1")
+    arguments = ("multi_step", "--against", "zero", "--inertia", "static", "--horizon", "6", "--every", "1")
     assert run(monkeypatch, *arguments, "--fps", "10", "--size", "240", "--output", str(path)) == 0
     with Image.open(path) as gif:
         assert gif.n_frames == 7
@@ -205,7 +205,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
             durations.append(gif.info["duration"])
         shown = np.asarray(gif.convert("RGB")).astype(float)
     assert durations == [100] * 6 + [2100]
-    pairing = Pairing(policy="multi_step", beside="zero", inertia="static", horizon=6.0)
+    pairing = Pairing(policy="multi_step", against="zero", inertia="static", horizon=6.0)
     *_, last = record.frames(pairing.rollouts("rgb_array", 240), every=1)
     assert np.abs(shown - last).mean() < 3.0
 
@@ -214,7 +214,7 @@ def test_a_gif_holds_every_frame_and_rests_on_the_last(tmp_path, monkeypatch):
     ("arguments", "message"),
     [
         (("generalst",), "unknown policy (no such file either) 'generalst'"),
-        (("generalist", "--beside", "multistep"), "Did you mean 'multi_step'?"),
+        (("generalist", "--against", "multistep"), "Did you mean 'multi_step'?"),
         (("generalist", "--satellite", "microsatt"), "unknown satellite"),
         (("generalist", "--inertia", "stepp"), "unknown inertia mode"),
         (("generalist", "--scenario", "windy"), "unknown scenario"),

@@ -392,7 +392,7 @@ def test_panels_stay_in_the_view_and_clear_of_the_words_below_whatever_the_attit
     assert y.max() > 230.0  # and no room is wasted
 
 
-def test_the_name_of_an_axis_is_beside_the_cone_along_it():
+def test_the_name_of_an_axis_is_next_to_the_cone_along_it():
     env = SatInertiaIDEnv("microsat", "static", "operations", render_mode="rgb_array")
     env.reset(seed=3)
     scene, places = Scene(Canvas(480, 480), (240.0, 240.0), 100.0, env._history), {}
@@ -404,8 +404,8 @@ def test_the_name_of_an_axis_is_beside_the_cone_along_it():
         )
         scene.body_axes(cones)
     moved = {name: np.linalg.norm(both[1] - both[0]) for name, both in places.items()}
-    beside = 30.0 * np.tan(payload._half) + 9.0
-    assert moved == pytest.approx({name: beside if i == axis else 0.0 for i, name in enumerate("xyz")})
+    shift = 30.0 * np.tan(payload._half) + 9.0
+    assert moved == pytest.approx({name: shift if i == axis else 0.0 for i, name in enumerate("xyz")})
 
 
 # a star tracker

@@ -231,7 +231,7 @@ def test_the_scenario_stands_in_the_title_and_in_every_heading_of_results(opened
     assert "scenario default, microsat, step" in headings[0]
 
 
-def test_any_policy_can_fly_the_episode_alone_or_beside_another(opened):
+def test_any_policy_can_fly_the_episode_alone_or_next_to_another(opened):
     page = opened()
 
     def titles():
@@ -320,7 +320,7 @@ def test_stored_figures_are_marked_on_the_page_and_have_no_curves(browser, folde
 # from the disk
 
 
-def test_the_page_can_be_made_again_from_the_files_beside_it(folder):
+def test_the_page_can_be_made_again_from_the_files_next_to_it(folder):
     page = folder / "report.html"
     before = page.read_text()
     page.unlink()

@@ -244,7 +244,7 @@ def test_it_is_consistent_and_what_it_sees_helps(satellite, inertia):
 
 
 @pytest.mark.slow
-def test_it_is_consistent_beside_readings_that_are_late_averaged_and_counted():
+def test_it_is_consistent_with_readings_that_are_late_averaged_and_counted():
     """The tracker reads the present, the state is older; yet it helps as much as with readings of an instant."""
 
     def scores(tracker):

@@ -120,7 +120,7 @@ def test_speed_is_kept():
 
 
 def test_an_early_end_is_told_where_it_ends():
-    rollouts = Pairing(policy="generalist", beside="random", inertia="static").rollouts()
+    rollouts = Pairing(policy="generalist", against="random", inertia="static").rollouts()
     file = io.StringIO()
     watch.watch(rollouts, TITLE, 1.0, Console(file=file, width=60))
     ended = rollouts[1]
@@ -165,7 +165,7 @@ def test_errors_are_said(monkeypatch, capsys, arguments, message):
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo-terminal")
 def test_ctrl_c_ends_it_cleanly():
     outer, inner = os.openpty()
-    command = [sys.executable, "-m", "agents.watch", "generalist", "--profile", "multi_step", "--speed", "1"]
+    command = [sys.executable, "-m", "agents.watch", "generalist", "--against", "multi_step", "--speed", "1"]
     settings = {"stdout": inner, "stderr": inner, "env": {**os.environ, "TERM": "xterm"}}
     with subprocess.Popen(command, preexec_fn=heed_interrupts, **settings) as process:
         os.close(inner)

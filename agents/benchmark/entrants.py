@@ -204,7 +204,7 @@ def entrant(text: str) -> Policy:
         if text in BASELINES:
             raise ValueError(
                 f"{text!r} is a baseline, and another policy was expected, one of {shipped}, a path or module:name: "
-                f"baselines fly next to it (--beside {text}), or by themselves (python -m agents.compare --policies "
+                f"baselines fly next to it (--against {text}), or by themselves (python -m agents.compare --policies "
                 f"{text})"
             ) from error
         raise unknown_name("policy (no such file either)", text, [*shipped, *BASELINES]) from error

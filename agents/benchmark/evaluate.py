@@ -28,7 +28,7 @@ class Evaluation:
     policy: tyro.conf.Positional[str]
     """A shipped policy's name, the path of a policy's files or of a run's folder, module:name (runs the module's
     code), or NAME= before either of the two."""
-    beside: tuple[str, ...] = ("rate_square",)
+    against: tuple[str, ...] = ("rate_square",)
     """Baselines to fly next to it."""
     scenario: ScenarioText = "default"
     """The world: a name, a .json or .toml file, or module:name (runs the module's code)."""
@@ -52,7 +52,7 @@ class Evaluation:
             satellites=self.satellites,
             modes=self.modes,
             control=self.control,
-            policies=(self.policy, *self.beside),
+            policies=(self.policy, *self.against),
             episodes=self.episodes,
             seed_split=self.seed_split,
             prepared=self.prepared,
@@ -67,7 +67,7 @@ def main(evaluation: Evaluation) -> int:
         try:
             entrants = comparison.entrants()
         except NotPreparedError as error:  # of a baseline next to it, maybe the default one
-            raise NotPreparedError(f"{error}; or fly another next to it, such as --beside zero") from error
+            raise NotPreparedError(f"{error}; or fly another next to it, such as --against zero") from error
     results = compare(comparison, entrants)
     split, first = results["seeds"]["split"], results["seeds"]["first"]
     head = f"{evaluation.policy}: {comparison.episodes} episodes a cell, {split} seeds from {first}, "

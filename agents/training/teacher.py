@@ -136,14 +136,14 @@ def _teach(
     world: dict[str, Any] = {"satellite": satellite, "inertia": mode, "scenario": settings.scenario, "num_threads": 1}
     env = SatInertiaIDVectorEnv(len(chosen), **world, **settings.observed)
     # a planner needs the speed of each wheel: where the network does not see it, fly the same in parallel
-    beside = SatInertiaIDVectorEnv(len(chosen), **world, control="rate") if settings.tracked else None
-    (mission,) = missions((beside or env).problem)
+    planned_env = SatInertiaIDVectorEnv(len(chosen), **world, control="rate") if settings.tracked else None
+    (mission,) = missions((planned_env or env).problem)
     loop = rate_loop([mission], settings.margin)
     walk = settings.walks[INERTIA_MODES.index(mode) if mode in INERTIA_MODES else 0]  # type: ignore[arg-type]
     teacher = MPCPolicy(settings.horizon, settings.steps, settings.edits, settings.margin, walk)
     teacher.reset(mission, chosen)
     observation, _ = env.reset(seed=chosen)
-    planned = observation if beside is None else beside.reset(seed=chosen)[0]
+    planned = observation if planned_env is None else planned_env.reset(seed=chosen)[0]
     taught = np.random.default_rng([chosen[0], _STREAM]).random((len(chosen), 1)) < settings.taught
     alive = np.ones(len(chosen), bool)
     observations, advantages = [], []
@@ -154,9 +154,9 @@ def _teach(
         command = wanted if network is None else np.where(taught, wanted, network(observation))
         actions = loop(planned, command)
         observation, _, terminated, *_ = env.step(actions)
-        planned = observation if beside is None else beside.step(actions)[0]
+        planned = observation if planned_env is None else planned_env.step(actions)[0]
         alive &= ~terminated
-    for used in (env, beside):
+    for used in (env, planned_env):
         if used is not None:
             used.close()
     return np.concatenate(observations), np.concatenate(advantages)

@@ -31,7 +31,7 @@ class VideoSettings:
 
     pairing: Annotated[Pairing, tyro.conf.arg(name="")]
     output: Path | None = None
-    """File of the video, .mp4 or .gif; results/POLICY_beside_OTHER.mp4 if not given."""
+    """File of the video, .mp4 or .gif; results/POLICY_against_OTHER.mp4 if not given."""
     every: int = 2
     """Decisions per frame."""
     fps: int = 12
@@ -42,7 +42,7 @@ class VideoSettings:
     @property
     def path(self) -> Path:
         """File of the video."""
-        names = "_beside_".join(_called(text) for text in (self.pairing.policy, self.pairing.beside))
+        names = "_against_".join(_called(text) for text in (self.pairing.policy, self.pairing.against))
         return self.output or Path("results") / f"{names}.mp4"
 
     def check(self) -> None:

@@ -113,7 +113,7 @@ class Pairing:
     policy: tyro.conf.Positional[str]
     """Policy: a shipped policy's name, a baseline, the path of a policy's files or of a run's folder, module:name (runs
     the module's code), or NAME= before either of the two."""
-    beside: Annotated[str, tyro.conf.arg(aliases=("--profile",))] = "multi_step"
+    against: str = "multi_step"
     """Second policy, shown next to the first; given in the same way."""
     satellite: str = "microsat"
     """Satellite to fly: a name, a .json or .toml file, or module:name (runs the module's code)."""
@@ -153,11 +153,11 @@ class Pairing:
             world = world.replace(horizon=self.horizon)
         place = (self.scenario, scenario)
         self.prepared.check([(self.satellite, satellite)], [place])
-        policies = [self._policy(text, satellite, place) for text in (self.policy, self.beside)]
-        if policies[0].name == policies[1].name and self.policy != self.beside:
+        policies = [self._policy(text, satellite, place) for text in (self.policy, self.against)]
+        if policies[0].name == policies[1].name and self.policy != self.against:
             raise ValueError(
                 f"both policies have the name {policies[0].name!r}: tell them apart by NAME=PATH, "
-                f"say other={self.beside.rpartition('=')[2]}"
+                f"say other={self.against.rpartition('=')[2]}"
             )
         first, second = (
             Rollout(

@@ -1,4 +1,4 @@
-"""Live terminal view of one episode of two policies: `python -m agents.watch POLICY --profile multi_step`.
+"""Live terminal view of one episode of two policies: `python -m agents.watch POLICY --against multi_step`.
 
 Both fly with the same truth and noise. Ctrl-C ends it. If the output is not a terminal, ten lines are printed.
 """

@@ -142,12 +142,12 @@ class Pointing:
         towards /= np.maximum(sine, 1e-9)  # a turn about it brings the boresight to the Sun
         distance = np.arctan2(sine[:, 0], view.sun @ self.boresight) - self._keep
         along = np.cross(towards, self.boresight)  # a turn about it goes round the Sun
-        closing, beside = (self.limit * (action * axis).sum(axis=1) for axis in (towards, along))
+        closing, passing = (self.limit * (action * axis).sum(axis=1) for axis in (towards, along))
         cut = np.maximum(closing - _EDGE_GAIN * distance, 0.0)
         known = view.sun.any(axis=1)
         led = action - (np.where(known, cut, 0.0) / self.limit)[:, None] * towards
         # what is cut goes on past the Sun, as far as the envelope allows
-        more = np.sign(np.where(beside == 0.0, 1.0, beside)) * np.where(known, cut, 0.0) / self.limit
+        more = np.sign(np.where(passing == 0.0, 1.0, passing)) * np.where(known, cut, 0.0) / self.limit
         led += more[:, None] * along
         return led / np.maximum(np.abs(led / np.maximum(view.most, 1e-9)).max(axis=1, keepdims=True), 1.0)
 

@@ -53,7 +53,7 @@ def layout(
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
-    `others` is the number of the filter's states besides the parameters where the whole covariance is observed,
+    `others` is the number of the filter's states apart from the parameters where the whole covariance is observed,
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
     numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
     walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are,

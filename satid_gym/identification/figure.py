@@ -39,7 +39,7 @@ def png(found: Identification) -> bytes:
     figure = Figure(figsize=(11.0, 3.375 * sum(heights)), layout="constrained")
     top, middle, lower, *bottom = np.ravel(np.array(figure.subfigures(len(heights), 1, height_ratios=heights)))
     if brief:
-        _beside_nominal(top.subplots(), found)
+        _compare_to_nominal(top.subplots(), found)
     else:
         for k, axes in enumerate(np.ravel(top.subplots(2, 3))):
             if found.variation is None:
@@ -73,7 +73,7 @@ def _time_of(found: Identification) -> str:
     return "time, s" if len(found.flights) == 1 else "time in flights 1, 2, ... one after the other, s"
 
 
-def _beside_nominal(axes: Axes, found: Identification) -> None:
+def _compare_to_nominal(axes: Axes, found: Identification) -> None:
     """Parameters of a single flight less nominal, with their intervals in words."""
     sizes = theta_sizes(found.satellite)
     nominal = inertia_parameters(found.satellite.inertia, "full")

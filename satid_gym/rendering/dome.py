@@ -44,8 +44,8 @@ class Dome(abc.ABC):
             scene.canvas.polygon([apex, ring[i - 1], ring[i]], colour, 0.04)
         scene.canvas.line(ring, shade(colour, BACKGROUND, 0.2), 0.9, closed=True)
         along, out = ring - apex, ring[:-1].mean(axis=0) - apex
-        beside = along[:, 0] * out[1] - along[:, 1] * out[0]  # the line from the apex to the ring's middle
-        for edge in (np.argmax(beside), np.argmin(beside)):
+        offset = along[:, 0] * out[1] - along[:, 1] * out[0]  # the line from the apex to the ring's middle
+        for edge in (np.argmax(offset), np.argmin(offset)):
             scene.canvas.line([apex, ring[edge]], shade(colour, BACKGROUND, 0.2), 0.9)
 
     def width(self, axis: np.ndarray, distance: float) -> float:

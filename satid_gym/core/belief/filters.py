@@ -157,7 +157,7 @@ def state_scale(belief, task, i):
 
 @inline
 def tell(belief, report):
-    """Write what the filter says of itself, besides its estimate, to a report."""
+    """Write what the filter says of itself, apart from its estimate, to a report."""
     state, walk = belief.whiteness, whiteness.inertia_walk(belief)
     report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state, walk)
     report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state, walk) else 0, state.factor

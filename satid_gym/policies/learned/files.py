@@ -20,7 +20,7 @@ from satid_gym.policies.learned.network import Network
 
 FORMAT = 1
 FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a thousandth of it
-_OTHERS = ("format", "activation", "squashed", "sha256")  # what the JSON file has besides settings and details
+_OTHERS = ("format", "activation", "squashed", "sha256")  # what the JSON file has in addition to settings and details
 
 
 def write_policy(path: Path, settings: Mapping[str, Any], network: Network, details: Mapping[str, Any]) -> None:
