@@ -32,7 +32,8 @@ class Appendages(Config, abc.ABC):
         damping_std: the same for the damping ratio.
         deflection_limit: rad for panels, m for a tank's mass; None: no limit.
         sheets: data sheets to draw; an episode flies one of them.
-        seed: seed of these draws.
+        seed: seed of these draws, which are the same for all satellites, scaled to each. A sheet that a satellite
+            cannot carry is drawn again.
 
     Raises:
         ValueError: a range is reversed or out of bounds, or a number is out of range.
@@ -62,10 +63,8 @@ class Appendages(Config, abc.ABC):
     def equip(self, satellite: Satellite) -> tuple[Satellite, ...]:
         """The satellite with these appendages, once for each data sheet; unchanged if it already is one of these.
 
-        A sheet whose appendages hold more of the inertia than the satellite has is drawn again.
-
         Raises:
-            ValueError: it has oscillators of its own, lacks what places them, or can carry next to none that is drawn.
+            ValueError: it has oscillators of its own, lacks what places them, or carries none of 1000 draws.
         """
         bare = satellite.replace(oscillators=())
         rows = [np.random.default_rng([self.seed, i]) for i in range(self.sheets)]

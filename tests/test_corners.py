@@ -17,7 +17,7 @@ from agents.evolution.settings import Evolution
 from baselines.command.cli import UserError
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.tune import tuned_rival
-from satid_gym.control.corners.features import RIGID
+from satid_gym.control.corners.features import features_of
 from satid_gym.control.corners.tour import CornerTour
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.estimators.inertia import inertia_tensors
@@ -27,6 +27,7 @@ from satid_gym.policies.learned.shipped import find
 from satid_gym.policies.registry import build
 from satid_gym.policy import only_mission
 from satid_gym.problem import problem
+from satid_gym.scenario_catalogue import SCENARIOS
 from satid_gym.vector import SatInertiaIDVectorEnv
 
 GIVEN = {"satellite": "microsat", "inertia": "static", "scenario": "slosh", "control": "rate", "observation": "body"}
@@ -235,7 +236,10 @@ def test_each_scenario_counts_as_much():
         judge.close()
     with closing(Judges(both)) as judges:
         assert judges([weights], 0) == [pytest.approx(np.mean(own))]
-    assert set(both.features) == {*RIGID, *SMALL.features}
+    assert set(both.features) == {*features_of(SCENARIOS["default"]), *SMALL.features}
+    for scenarios in (("default", "operations"), ("slosh", "calibration")):
+        with pytest.raises(ValueError, match=f"all have a star tracker or none.*; {scenarios[0]} has none"):
+            dataclasses.replace(SMALL, scenarios=scenarios)
 
 
 def test_drawn_satellites_are_judged_by_the_error_of_the_tensor(tmp_path, capsys):

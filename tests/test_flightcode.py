@@ -12,7 +12,7 @@ import pytest
 
 from satid_gym import SATELLITES, SCENARIOS, Pilot, Sensors, SloshMass, StarTracker, draw_satellites
 from satid_gym.commands.main import main
-from satid_gym.control.corners.features import RIGID, UNFORESEEN
+from satid_gym.control.corners.features import features_of
 from satid_gym.flightcode.c_types import DOUBLE, Array, TranslationError
 from satid_gym.flightcode.measure import compiled
 from satid_gym.flightcode.policy_source import template
@@ -58,14 +58,15 @@ def replayed(check, folder, vectors):
 
 def toured(kind):
     """A policy whose score takes all features of corners, one that is shaped for satellites with modes."""
-    features = RIGID if kind.startswith("corners") else UNFORESEEN
+    is_shaped, rigid = not kind.startswith("corners"), features_of(SCENARIOS["default"])
+    features = features_of(SCENARIOS["flex"], is_shaped=True) if is_shaped else rigid
     weights = np.random.default_rng(7).normal(size=(1, len(features))).astype(np.float32)
-    weights[0, [name not in RIGID for name in features]] *= 3.0  # that of each tells
+    weights[0, [name not in rigid for name in features]] *= 3.0  # that of each tells
     if kind == "corners_rate":  # or a lost reading leads to other reversals than those of the flight that is replayed
         weights[0, features.index("waited")] = 10.0
     network = Network((weights,), (np.zeros(1, np.float32),))
     given = {"observation": "body", "include_covariance": kind != "corners_rate", "include_walk": True}
-    given |= {"corner_features": features, "is_shaped": features is UNFORESEEN}
+    given |= {"corner_features": features, "is_shaped": is_shaped}
     return LearnedPolicy("toured", network, "rate", 3.5, **given)
 
 
@@ -326,7 +327,7 @@ def test_the_same_pilot_gives_the_same_bytes_and_no_static_data(tmp_path, capsys
 
 def test_what_has_no_c_is_refused_in_one_line(tmp_path, capsys):
     assert main(["export", "--policy", "mpc", "--output", str(tmp_path)]) == 2
-    with pytest.raises(ValueError, match=r"tank_tour cannot be written in C for microsat.* 1 layers.*peak_kept"):
+    with pytest.raises(ValueError, match=r"tank_tour has no C for microsat: its score takes .*peak_kept"):
         texts(Pilot("microsat", find("tank_tour"), control="rate"))
     with pytest.raises(ValueError, match="features none, is not shaped, and there are 1 modes: give a policy of"):
         texts(Pilot(panelled("microsat"), find("rigid_tour"), scenario="flex", control="rate"))

@@ -11,12 +11,15 @@ import pytest
 
 from agents.unseen import compare, flights
 from baselines.command import cli
+from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.policies.custom import digest
 from satid_gym.policies.learned.shipped import find
+from satid_gym.scenario_catalogue import SCENARIOS
 
 
 def _row(satellite, policy, errors, outside, inertia="step"):
     scores = {"mean_error": errors, "final_error": errors, "nees": errors, **dict.fromkeys(flights.LIMITS, outside)}
+    scores["terminated"] = [0.0] * len(errors)
     return {"satellite": satellite, "wheels": 4, "inertia": inertia, "policy": policy, **scores}
 
 
@@ -38,8 +41,8 @@ def test_ratios_are_of_the_episodes_that_both_have_flown():
 
 def test_a_satellite_counts_as_inside_by_its_mean_over_laws():
     # "one": a 0.5 %, b (2.5 % + 0) / 2 = 1.25 %, c 0; "two": a 0, b (2 % + 0) / 2 = 1 %
-    assert flights.inside(ROWS, "one") == pytest.approx(2.0 / 3.0)
-    assert flights.inside(ROWS, "two") == 1.0
+    assert flights.inside(ROWS, "one", "cost") == pytest.approx(2.0 / 3.0)
+    assert flights.inside(ROWS, "two", "cost") == 1.0
 
 
 def test_tuned_settings_and_weights_tell_policies_apart(tmp_path):
@@ -52,6 +55,19 @@ def test_tuned_settings_and_weights_tell_policies_apart(tmp_path):
     }
     with pytest.raises(ValueError, match=r"tuned in scenario default: give --tuned .* --scenario flex"):
         dataclasses.replace(settings, scenario="flex").entrants()
+    with pytest.raises(ValueError, match="baseline 'corner_tour' was not tuned on drawn satellites, only rate_square"):
+        dataclasses.replace(settings, policies=("corner_tour",)).entrants()
+
+
+def test_panels_are_unseen_too():
+    own, tuned, unseen = (
+        SCENARIOS["flex"].appendages,
+        *(flights.world_of("flex", split).appendages for split in ("tuning", "test")),
+    )
+    (satellite,) = draw_satellites([11], wheels=4)
+    assert tuned == own
+    assert not set(own.equip(satellite)) & set(unseen.equip(satellite))
+    assert flights.world_of("default", "test") == flights.world_of("default", "tuning")
 
 
 @pytest.mark.slow

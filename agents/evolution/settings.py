@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_names, check_number
-from satid_gym.control.corners.features import FEATURES, features_of, takes_walk
+from satid_gym.control.corners.features import FEATURES, features_of, takes_stars, takes_walk, takes_windows
 from satid_gym.control.gaps import SETTLE
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
@@ -28,7 +28,7 @@ class Evolution:
     name: str = "tank_tour"
     """What tables call the policy."""
     scenarios: tuple[str, ...] = ("slosh",)
-    """Scenarios that are flown, each counting as much."""
+    """Scenarios that are flown, each counting as much; all with a star tracker or none, and so with imaging windows."""
     horizon: float | None = None
     """s that an episode of training lasts. Default: each scenario's."""
     satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
@@ -58,7 +58,7 @@ class Evolution:
     settle: float = SETTLE
     """s before an imaging window opens at which the target is to be held."""
     shaped: bool = False
-    """Whether a decision goes towards its corner as far as panels allow, see `satid_gym.control.mode_shaping`."""
+    """Whether a decision goes towards its corner as far as modes allow, see `satid_gym.control.mode_shaping`."""
     seed: int = 0
     """Seed of the evolution."""
     workers: int = 2
@@ -87,6 +87,13 @@ class Evolution:
             raise ValueError(f"start must be a policy that scores corners, such as rigid_tour; {self.start} does not")
         if self.shaped and all(SCENARIOS[name].appendages is None for name in self.scenarios):
             raise ValueError(f"no panels or tanks to spare in {', '.join(self.scenarios)}: leave out --shaped")
+        for what, takes in (("a star tracker", takes_stars), ("imaging windows", takes_windows)):
+            lacking = [world.name for world in self.worlds if not takes(features_of(world, self.shaped))]
+            if lacking and takes(self.features):
+                raise ValueError(
+                    f"scenarios must all have {what} or none, because the score takes it; {', '.join(lacking)} has "
+                    "none: evolve a policy for each kind"
+                )
         if self.horizon is not None:
             check_number("horizon", self.horizon, strict=True)
 
@@ -124,7 +131,7 @@ class Evolution:
 
     @property
     def features(self) -> tuple[str, ...]:
-        """What the score takes: all that one of the scenarios has."""
+        """What the score takes: the features of all scenarios together."""
         found = {name for world in self.worlds for name in features_of(world, self.shaped)}
         return tuple(name for name in FEATURES if name in found)
 

@@ -1,14 +1,15 @@
 """Comparison on unseen satellites: `python -m agents.unseen.compare`.
 
-Flies policies on satellites drawn with seeds that neither training nor tuning used, of 3 to 8 wheels and any size,
-with each inertia law, by body rates and with the full tensor. Prints, policy by policy, its errors over those of the
-first one (median, 95th percentile over satellites), and on how many satellites it is inside the envelope. The planner
-is slow and flies fewer episodes; a ratio is of the episodes that both have flown. The file is written after every
-satellite, and the same command goes on after a stop.
+Flies policies on satellites, in `flex` with panels, drawn with seeds that neither training nor tuning used, of 3 to 8
+wheels and any size, with each inertia law, by body rates and with the full tensor. Prints, policy by policy, its errors
+over those of the first one (median, 95th percentile over satellites), and on how many satellites it keeps each limit.
+The planner is slow and flies fewer episodes by default; a ratio is of the episodes that both have flown. The file is
+written after every satellite, and the same command goes on after a stop.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from agents.unseen.flights import LIMITS, Row, by_satellite, episodes_of, flown, inside, policy_of, ratios
+from agents.unseen.flights import LIMITS, Row, by_satellite, episodes_of, flown, inside, policy_of, ratios, world_of
 from agents.unseen.tune import GRIDS
 from baselines.command import cells, cli
 from baselines.command.provenance import result_head
@@ -29,20 +30,21 @@ from satid_gym.policies.custom import digest
 from satid_gym.policy import Policy
 from satid_gym.satellite import Satellite
 
-TUNED = Path("docs/results/unseen_tuned.json")
+_EPISODES_MAX = 1000  # of a satellite, whose seeds are its own
+_LEARNED = {"default": ("rigid_tour", "universal"), "flex": ("panel_tour",)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unseen:
     """Settings of the comparison."""
 
-    policies: tuple[str, ...] = ("rigid_tour", "mpc", "rate_square", "corner_tour", "universal")
-    """Learned policies by name or path, and baselines that were tuned; the first is the one that others are set
-    against."""
+    policies: tuple[str, ...] = ()
+    """Learned policies by name or path, and baselines that were tuned; others are compared with the first. Default: the
+    learned policies made for the scenario, and all baselines that were tuned."""
     scenario: str = "default"
     """Scenario to fly in: default or flex."""
     satellites: int = 200
-    """Satellites, drawn."""
+    """Number of satellites to draw."""
     wheels: tuple[int, int] = SatelliteRanges().wheels
     """Least and largest number of their wheels. Each number is compiled by itself, which takes a minute or two."""
     episodes: int = 4
@@ -51,8 +53,8 @@ class Unseen:
     """Episodes of a planner with each inertia law."""
     split: Split = "test"
     """Seeds of satellites and episodes: test, or validation to choose by."""
-    tuned: Path = TUNED
-    """Settings of baselines, of `python -m agents.unseen.tune`."""
+    tuned: Path | None = None
+    """Settings of baselines, of `python -m agents.unseen.tune`. Default: docs/results/unseen_tuned_SCENARIO.json."""
     again: bool = False
     """Fly again what the file has."""
     output: Path = Path("results/unseen.json")
@@ -64,8 +66,9 @@ class Unseen:
         Raises:
             ValueError: a number is out of range, a split or policy is unknown, or the baselines were tuned elsewhere.
         """
-        for name in ("satellites", "episodes", "planned"):
-            check_integer(name, getattr(self, name))
+        check_integer("satellites", self.satellites)
+        for name in ("episodes", "planned"):
+            check_integer(name, getattr(self, name), high=_EPISODES_MAX)
         check_names("split of seeds", [self.split], FIRST_SEED)
         check_names("scenario", [self.scenario], GRIDS)
         SatelliteRanges(wheels=self.wheels)
@@ -82,10 +85,16 @@ class Unseen:
             ValueError: one is unknown, or two have a name.
         """
         chosen = self.chosen()
-        found = {policy.name: policy for policy in (policy_of(name, chosen) for name in self.policies)}
-        if len(found) < len(self.policies):
-            raise ValueError(f"policies must have different names, got {self.policies}: give one another, NAME=PATH")
+        names = self.names(chosen)
+        found = {policy.name: policy for policy in (policy_of(name, chosen) for name in names)}
+        if len(found) < len(names):
+            raise ValueError(f"policies must have different names, got {names}: give one another, NAME=PATH")
         return found
+
+    def names(self, chosen: Mapping[str, Any]) -> tuple[str, ...]:
+        """What flies, where these baselines were tuned."""
+        first, *others = _LEARNED[self.scenario]
+        return self.policies or (first, *chosen, *others)
 
     def chosen(self) -> dict[str, dict[str, Any]]:
         """Settings of the baselines that were tuned.
@@ -95,16 +104,18 @@ class Unseen:
             DamagedFileError: the file holds none.
         """
         command = f"python -m agents.unseen.tune --scenario {self.scenario}"
-        held = read_json(self.tuned, f"run {command}", keys=("settings", "chosen"))
+        file = self.tuned or Path(f"docs/results/unseen_tuned_{self.scenario}.json")
+        held = read_json(file, f"run {command}", keys=("settings", "chosen"))
         flown_in = held["settings"].get("scenario", "default")  # older files have none
         if flown_in != self.scenario:
-            raise ValueError(f"{self.tuned} was tuned in scenario {flown_in}: give --tuned a file of {command}")
+            raise ValueError(f"{file} was tuned in scenario {flown_in}: give --tuned a file of {command}")
         return dict(held["chosen"])
 
     def identities(self) -> dict[str, Any]:
         """What decides the flights of each policy: settings of a baseline that was tuned, else `digest`."""
         chosen, entrants = self.chosen(), self.entrants()
-        return {p.name: chosen.get(text) or digest(p) for text, p in zip(self.policies, entrants.values(), strict=True)}
+        names = self.names(chosen)
+        return {p.name: chosen.get(text) or digest(p) for text, p in zip(names, entrants.values(), strict=True)}
 
 
 def summary(rows: list[Row], first: str) -> list[dict[str, Any]]:
@@ -122,6 +133,8 @@ def summary(rows: list[Row], first: str) -> list[dict[str, Any]]:
             }
         for score in LIMITS:
             entry[f"at_most_1_percent_{score}"] = inside(rows, name, score)
+        flights = [ended for row in rows if row["policy"] == name for ended in row["terminated"]]
+        entry["flights"], entry["ended_early"] = len(flights), int(np.sum(flights))
         entry["nees"] = float(np.mean(list(by_satellite(rows, name, "nees").values())))
         found.append(entry)
     return found
@@ -131,7 +144,7 @@ def show(entries: list[dict[str, Any]], first: str) -> None:
     """Print a line a policy."""
     print(
         f"{'':14s} satellites  mean error, %  {first} over it: median, 95th  final: median, 95th  "
-        "inside, unsaturated, all limits"
+        "rates, wheels, all limits kept; ended early"
     )
     for entry in entries:
         shown = [
@@ -143,6 +156,7 @@ def show(entries: list[dict[str, Any]], first: str) -> None:
             f"{entry['policy']:14s} {entry['satellites']:10d}  {100 * entry['mean_error']:13.4f}"
             + "".join(f"  {value:10.3f}" for value in shown)
             + "".join(f"  {100 * entry[f'at_most_1_percent_{what}']:6.1f} %" for what in LIMITS)
+            + f"  {entry['ended_early']} of {entry['flights']}"
         )
 
 
@@ -155,7 +169,7 @@ def main(settings: Unseen) -> int:
         used = {**vars(settings), "identities": settings.identities()}
         head = result_head("agents.unseen.compare", used, split=settings.split, seeds=chosen, output=settings.output)
         rows = cells.kept(settings.output, head, "rows", again=settings.again)
-    first = next(iter(policies))
+    first, world = next(iter(policies)), world_of(settings.scenario, settings.split)
     done = {(row["satellite"], row["policy"]) for row in rows}
     with cli.on_interrupt(cells.GOES_ON):
         for i, satellite in enumerate(tqdm(settings.drawn(), desc="unseen", unit="satellite")):
@@ -163,7 +177,7 @@ def main(settings: Unseen) -> int:
             for policy in missing:
                 count = episodes_of(policy.name, settings.episodes, settings.planned)
                 rows += [
-                    flown(policy, settings.scenario, satellite, inertia, seeds(settings.split, count, (i + 1) * 1000))
+                    flown(policy, world, satellite, inertia, seeds(settings.split, count, (i + 1) * _EPISODES_MAX))
                     for inertia in INERTIA_MODES
                 ]
             if missing:

@@ -10,7 +10,7 @@ from baselines.command.markdown import table
 from satid_gym.files import read_json
 
 _KEYS = ("summary", "settings", "revision")
-_LIMITS = {"outside_fraction": "rates", "saturated_fraction": "wheels", "cost": "all"}
+_LIMITS = {"outside_fraction": "rates", "saturated_fraction": "wheels", "cost": "all together"}
 
 
 def unseen() -> str:
@@ -32,7 +32,7 @@ def unseen_table(results: Mapping[str, Any]) -> str:
         "mean error, %",
         f"`{first}` over it, mean error: median, 95th percentile",
         "final error",
-        f"inside limits of {', '.join(_LIMITS[name] for name in limits)}: % of satellites",
+        f"limits kept ({', '.join(_LIMITS[name] for name in limits)}): % of satellites",
         "NEES",
     ]
     rows = []
@@ -51,4 +51,6 @@ def unseen_table(results: Mapping[str, Any]) -> str:
     low, high = settings["wheels"]
     of = f"{entries[0]['satellites']} satellites of {low} to {high} wheels, {settings['split']} seeds, four laws"
     episodes = f"{settings['episodes']} episodes a cell, {settings['planned']} of planners"
-    return f"{table(head, rows)}\n\n{of}, {episodes}; revision {results['revision'][:7]}."
+    ended = [f"`{e['policy']}` {e['ended_early']} of {e['flights']}" for e in entries if e.get("ended_early")]
+    early = f" Flights that ended early: {', '.join(ended)}." if ended else ""
+    return f"{table(head, rows)}\n\n{of}, {episodes}; revision {results['revision'][:7]}.{early}"

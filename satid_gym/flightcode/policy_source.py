@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.control.corners.choice import EARLY, LATE, SLOWEST
-from satid_gym.control.corners.features import SLEWS, UNFORESEEN
+from satid_gym.control.corners.features import SLEWS, features_of
 from satid_gym.control.corners.tour import CAUTION, CORNERS, SHARE
 from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
@@ -31,6 +31,7 @@ from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
 from satid_gym.policies.scripted import ScriptedPolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
+from satid_gym.scenario_catalogue import SCENARIOS
 
 _SCRIPTS = (ScriptedPolicy, OpenLoopOptimalPolicy, ManoeuvrePolicy, RandomPolicy, ZeroPolicy)
 _COUNTER = "    int32_t decision;"
@@ -176,14 +177,17 @@ def _learned(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
 
 def _tour(pilot: Pilot, policy: LearnedPolicy) -> PolicySource:
     satellite, weights = pilot.mission.satellite, policy.network.weights
-    unknown = sorted(set(policy.corner_features) - set(UNFORESEEN))
-    if unknown or len(weights) > 1 or (satellite.modes and not policy.is_shaped):
+    unknown = sorted(set(policy.corner_features) - set(features_of(SCENARIOS["flex"], is_shaped=True)))
+    reasons = {
+        f"its score takes {', '.join(unknown)}": unknown,
+        f"its score has {len(weights)} layers": len(weights) > 1,
+        f"it is not shaped, and {satellite.name} has panels or tanks": satellite.modes and not policy.is_shaped,
+    }
+    if any(reasons.values()):
+        said = "; ".join(reason for reason, holds in reasons.items() if holds)
         raise ValueError(
-            f"policy {policy.name} cannot be written in C for {satellite.name}: a score of corners can as a network of "
-            f"one layer, whose features take no forecast peaks, stars or windows, and which is shaped where there are "
-            f"panels or tanks; this has {len(weights)} layers, of such features {', '.join(unknown) or 'none'}, is "
-            f"{'' if policy.is_shaped else 'not '}shaped, and there are {len(satellite.modes)} modes: give a policy of "
-            "agents.evolution --shaped, such as panel_tour, or shaped_square"
+            f"policy {policy.name} has no C for {satellite.name}: {said}; "
+            "give a policy of agents.evolution --shaped, such as panel_tour, or shaped_square"
         )
     craft = Craft.of([pilot.mission])
     scored = zip(policy.corner_features, weights[0][0], strict=True)

@@ -92,12 +92,6 @@ def _without(*parts: str) -> tuple[str, ...]:
     return tuple(name for name in FEATURES if not any(part in name for part in parts))
 
 
-RIGID = _without(*_OF_MODES, *_OF_STARS, *_OF_WINDOWS)
-"""Those that a satellite without panels, tanks and star tracker has, wherever it flies."""
-UNFORESEEN = _without("peak", *_OF_STARS, *_OF_WINDOWS)
-"""Those and the ones of modes that forecast no peaks: what a shaped tour has without star tracker and windows."""
-
-
 def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:
     """Features that a scenario has: those of modes, of stars and of imaging windows where there are any.
 

@@ -33,7 +33,7 @@ from satid_gym.policy import Mission
 
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
-SHARE, CAUTION = 0.9, 1.0  # of tours that say nothing else, see `ObservedModes`
+SHARE, CAUTION = 0.9, 1.0  # defaults, see `ObservedModes`
 _SLOW = 0.5  # of the rate limit, below which an axis turns to no side
 _CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")

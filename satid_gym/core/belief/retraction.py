@@ -19,8 +19,9 @@ A gyro of unknown scale has another such direction. Only the weak torque-free tu
 parts: with any s, dM = 0, d omega = -omega s, dtheta = theta s and dG = (1 + G) s give the same readings. It moves with
 the estimates of omega and theta, so that corrections of both would pass for information on G, and pull it to one side
 for as long as theta is taken to vary. So what lasts over an update is the error of what the gyro reads,
-d omega + dG r, and theta's relative to theta, which rotors of unknown inertia need as well: where the rate goes from r
-to r + dr, dM has -J' dG dr in addition, and dtheta grows as theta does, that of a product as its moments' mean.
+d omega + dG r to first order in G, and the error of theta relative to theta. Rotors of unknown inertia need the latter
+as well. Where the rate goes from r to r + dr, dM has -J' dG dr in addition, and dtheta grows as theta does, that of a
+product of inertia by the geometric mean of the growth of its two moments.
 
 r follows d omega and the motion: the most likely rate y at once where that is beyond the noise of the tachometers, and
 else a running mean of y, whose noise is hardly any excitation. A reference that stayed where it is within the noise
@@ -174,7 +175,7 @@ def _is_relative(belief):
 
 @inline
 def _write_growth(belief, prior, growth):
-    """What theta's errors grow by (p,), where theta comes from that of the mean `prior`."""
+    """What theta's errors grow by (p,), where an update took theta from that of `prior` to that of the mean."""
     p = growth.shape[0]
     for k in range(p):
         growth[k] = 1.0

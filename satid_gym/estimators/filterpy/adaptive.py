@@ -82,7 +82,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         return nis
 
     def _learn(self, d: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-        growth = self._growth  # of the errors since: what was learned is in those of before
+        growth = self._growth  # the update scaled theta's errors by this; `learn` is in the errors before
         inverse, after = np.linalg.inv(before), after / np.outer(growth, growth)
         u, w, t, slope = inverse @ d, inverse @ (before - after) @ inverse, self._theta_slope, self._covariance_slope
         score = u @ t + 0.5 * (u @ slope @ u - np.trace(w @ slope))

@@ -86,9 +86,15 @@ class CalibratedModel(MomentumModel):
         return np.hstack([np.eye(3), -regressor(omega, self.p), others, by_errors])
 
     def growth(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """What an update from one state to another does to errors: those of theta stay what they are relative to it."""
+        """What an update from one state to another does to errors: those of theta stay what they are relative to it.
+
+        Raises:
+            ValueError: the update left a moment that is not positive.
+        """
         grown = np.ones(self.size)
         if self.kinds[1] or self.kinds[2]:
+            if np.any(after[3:6] <= 0.0):
+                raise ValueError("an update left a moment that is not positive: use MomentumEKF, which shortens it")
             root = np.sqrt(after[3:6] / before[3:6])
             grown[3 : 3 + self.p] = inertia_parameters(np.outer(root, root), self.parameters)
         return np.diag(grown)
