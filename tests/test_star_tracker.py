@@ -43,7 +43,8 @@ DEGREE = np.pi / 180.0
 TRACKER = StarTracker(boresight=[0.6, 0.0, 0.8])
 LATE = Sensors(star_tracker=TRACKER, gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9)
 BLINDED = TRACKER.replace(rate_limit=0.02, sun_exclusion=30 * DEGREE, earth_exclusion=10 * DEGREE, reacquire=2.0)
-BIAS = {"gyro_bias": 1e-4}  # all tests have one state size, for each has a filter to compile
+BIAS = {"gyro_bias": 1e-4}  # nearly all tests have one state size, for each has a filter to compile
+SCALES = BIAS | {"gyro_scale": 3e-3, "wheel_inertia": 2e-3}  # whose errors last in another way over an update
 
 
 def world(tracker=TRACKER, **settings):
@@ -163,16 +164,18 @@ def test_the_sun_is_drawn_only_where_it_blinds():
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("satellite", BODIES, ids=["rigid", "panels"])
-def test_compiled_equals_filterpy(satellite):
+@pytest.mark.parametrize("tolerances", [BIAS, pytest.param(SCALES, marks=pytest.mark.slow)], ids=["bias", "scales"])
+def test_compiled_equals_filterpy(satellite, tolerances):
+    own = world(tolerances=tolerances)
     flown = record(
         make_baseline("rate_square", "microsat"),
         satellite=satellite,
         inertia="drift",
         seeds=[90_001],
-        scenario=world(),
+        scenario=own,
         estimator={"name": "momentum", "inflate": False},
     )
-    prior = prior_of(satellite, world())
+    prior = prior_of(satellite, own)
     fast, slow, compared = MomentumEKF(inflate=False), FilterpyMomentumEKF(), 0
     for k in range(flown.gyro.shape[1]):
         gyro, speed, attitude = flown.gyro[0, k], flown.tachometer[0, k], flown.star_tracker[0, k]
