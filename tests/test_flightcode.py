@@ -329,7 +329,7 @@ def test_what_has_no_c_is_refused_in_one_line(tmp_path, capsys):
     assert main(["export", "--policy", "mpc", "--output", str(tmp_path)]) == 2
     with pytest.raises(ValueError, match=r"tank_tour has no C for microsat: its score takes .*peak_kept"):
         texts(Pilot("microsat", find("tank_tour"), control="rate"))
-    with pytest.raises(ValueError, match="features none, is not shaped, and there are 1 modes: give a policy of"):
+    with pytest.raises(ValueError, match="rigid_tour has no C for microsat: it is not shaped, and"):
         texts(Pilot(panelled("microsat"), find("rigid_tour"), scenario="flex", control="rate"))
     assert capsys.readouterr().err.startswith("error: policy mpc has no C: give a learned policy, rate_square")
 
