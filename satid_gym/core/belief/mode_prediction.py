@@ -23,7 +23,8 @@ from satid_gym.core.belief.modes import (
 from satid_gym.core.jit import inline, outline
 
 _PHASE_MAX = 0.2  # rad of an oscillation in a step: frequencies are off by phase^2 / 24
-_GROWTH_MAX = 0.5  # 1/s
+_GROWTH_MAX = 1.0  # 1/s
+_FADING = 0.05  # of the variance of log w, in a radian of the oscillation
 _STEPS_MAX = 10_000  # a pilot's gap may be long; beyond 2 rad in a step the method is unstable
 
 
@@ -178,17 +179,24 @@ def _steps(belief, J_inv, dt):
 
 
 @outline
-def add_curvature(belief, dt):
-    """Add to the covariance of p what the derivative by log w leaves out while w is coarsely known.
+def add_nonlinearity(belief, dt):
+    """Add to the covariance what the derivative by log w leaves out, of p and of log w itself.
 
     To second order the spring's force changes by 2 w^2 (deta dlog w + eta (dlog w)^2), whose variance is
-    4 w^4 (P_ee P_ww + P_ew^2 + 2 eta^2 P_ww^2); it stays alike for a radian or so of the oscillation. The first two let
-    the deflection's error feed itself, though an oscillation keeps its energy whatever w is: at most at _GROWTH_MAX.
-    Source: Gelb, Applied Optimal Estimation (1974), ch. 6.1, the second-order filter.
+    4 w^4 (P_ee P_ww + P_ew^2 + 2 eta^2 P_ww^2); it stays alike for a radian or so of the oscillation before and after.
+    The first two let the deflection's error feed itself, though an oscillation keeps its energy whatever w is: at most
+    at _GROWTH_MAX.
+
+    The derivative of a phase by the frequency holds over a few oscillations. Over many, information would be added up
+    at phases that were wrong, and a frequency once settled on would never be left: it fades, up to what the data sheet
+    says.
+    Source: Gelb, Applied Optimal Estimation (1974), ch. 6.1, the second-order filter, and ch. 8.1, fading memory.
     """
     covariance = belief.covariance
     for i in range(belief.modes.coupling.shape[0]):
         at, w = belief.modes.first + STATES * i, belief.modes.w[i]
         coarse, shared = covariance[at + 2, at + 2], covariance[at, at + 2]
-        grown = min(4.0 * w * (covariance[at, at] * coarse + shared**2), _GROWTH_MAX * covariance[at, at])
-        covariance[at + 1, at + 1] += w**2 * dt * (grown + 8.0 * w * (belief.mean[at] * coarse) ** 2)
+        grown = min(8.0 * w * (covariance[at, at] * coarse + shared**2), _GROWTH_MAX * covariance[at, at])
+        covariance[at + 1, at + 1] += w**2 * dt * (grown + 16.0 * w * (belief.mean[at] * coarse) ** 2)
+        unknown = max(belief.modes.std[i, 2] ** 2 - coarse, 0.0)
+        covariance[at + 2, at + 2] += min(_FADING * w * dt * coarse, unknown)

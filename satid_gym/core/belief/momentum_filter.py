@@ -74,7 +74,7 @@ def predict(belief, work, tachometer, dt):
         propagate(belief, work, dt)
         if belief.alignment.noise_taps == 0:
             rate_noise.add(belief, work, momentum, noise, dt * dt)
-        mode_prediction.add_curvature(belief, dt)
+        mode_prediction.add_nonlinearity(belief, dt)
     for step in range(0 if flexible else belief.substeps):
         a0 = axpy(step * per_step, subtract(after, before), before)
         a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)

@@ -172,12 +172,13 @@ class FlexibleModel(CalibratedModel):
             found[self.first_mode + 5 * i] = -self.mode(x, i)[1]
         return found
 
-    def curvature(self, x: np.ndarray, covariance: np.ndarray, dt: float) -> np.ndarray:
-        """Second-order terms of a coarsely known frequency."""
+    def nonlinearity(self, x: np.ndarray, covariance: np.ndarray, dt: float) -> np.ndarray:
+        """Second-order terms of a coarsely known frequency, and what of it fades."""
         found = np.zeros_like(covariance)
         for i, mode in enumerate(self.modes):
             at, w = self.first_mode + 5 * i, 2.0 * np.pi * mode.frequency * np.exp(self.mode(x, i)[0][2])
             ee, ww, ew = covariance[at, at], covariance[at + 2, at + 2], covariance[at, at + 2]
-            grown = min(4.0 * w * (ee * ww + ew**2), 0.5 * ee)
-            found[at + 1, at + 1] = w**2 * dt * (grown + 8.0 * w * (x[at] * ww) ** 2)
+            grown = min(8.0 * w * (ee * ww + ew**2), ee)
+            found[at + 1, at + 1] = w**2 * dt * (grown + 16.0 * w * (x[at] * ww) ** 2)
+            found[at + 2, at + 2] = min(0.05 * w * dt * ww, max(mode.frequency_std**2 - ww, 0.0))
         return found

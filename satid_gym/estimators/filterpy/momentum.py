@@ -144,7 +144,7 @@ class FilterpyMomentumEKF(Reference):
         kf.Q = self.model.process_noise(x, a0, h, dt)
         kf.predict_x = lambda u: setattr(kf, "x", self.model.step(x, a0, a1, h))
         kf.predict()
-        kf.P += self.model.curvature(kf.x, kf.P, dt)
+        kf.P += self.model.nonlinearity(kf.x, kf.P, dt)
 
     def update(self, gyro: np.ndarray, wheel_speed: np.ndarray) -> float:
         """Update with the reading; returns the normalised innovation squared per degree of freedom."""
