@@ -175,7 +175,7 @@ class MomentumModel:
         noise[:3, :3] += h * dt * gain @ self.spin_covariance @ gain.T
         return noise
 
-    def curvature(self, x: np.ndarray, covariance: np.ndarray, dt: float) -> np.ndarray:
+    def nonlinearity(self, x: np.ndarray, covariance: np.ndarray, dt: float) -> np.ndarray:
         """What the Jacobian of a step leaves out, added to the covariance after it: nothing here."""
         return np.zeros_like(covariance)
 
