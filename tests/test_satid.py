@@ -1,15 +1,20 @@
 """Command `satid`: what it writes and prints, its exit codes, and that its page needs no network."""
 
+import functools
+import itertools
 import json
+import operator
 import re
 
 import gymnasium
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baselines.identification.recorded import CUBESAT, clean_log, motion
 from satid_gym.commands import lead
 from satid_gym.commands.main import main
+from satid_gym.telemetry import read_log
 from tests.cases import cases
 
 
@@ -131,6 +136,25 @@ def test_identify_reads_the_log_of_a_flight(tmp_path, monkeypatch, capsys):
     plain = [*flown[:-2], "--seed", "0"]
     assert main(plain) == 0
     assert capsys.readouterr().out.splitlines()[-12:] == shown[:-1]  # the log changes nothing
+
+
+def test_a_log_has_the_star_trackers_readings(tmp_path, monkeypatch, capsys):
+    """From one to the next the attitude turns as the gyro says."""
+    monkeypatch.chdir(tmp_path)
+    flown = ["fly", "--satellite", "microsat", "--scenario", "operations", "--policy", "window_tour"]
+    assert main([*flown, "--control", "rate", "--inertia", "static", "--log", "flight.csv"]) == 0
+    log = read_log("flight.csv")
+    steps = Rotation.from_rotvec(0.05 * (log.rate[1:] + log.rate[:-1]))
+    seen = np.flatnonzero(np.isfinite(log.attitude).all(axis=1))
+    assert len(seen) > 400
+    widest = 0.0
+    for first, last in itertools.pairwise(seen):
+        turned = Rotation.concatenate(steps[first:last])
+        by_gyro = functools.reduce(operator.mul, turned)
+        by_stars = Rotation.from_quat(log.attitude[first]).inv() * Rotation.from_quat(log.attitude[last])
+        assert (by_stars.inv() * by_gyro).magnitude() < 0.02
+        widest = max(widest, by_stars.magnitude())
+    assert widest > 0.3
 
 
 @cases(
