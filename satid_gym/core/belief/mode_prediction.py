@@ -24,7 +24,7 @@ from satid_gym.core.jit import inline, outline
 
 _PHASE_MAX = 0.2  # rad of an oscillation in a step: frequencies are off by phase^2 / 24
 _GROWTH_MAX = 1.0  # 1/s
-_FADING = 0.05  # of the variance of log w, in a radian of the oscillation
+_FADING = 0.05  # share by which the variance of log w grows in a radian of the oscillation
 _STEPS_MAX = 10_000  # a pilot's gap may be long; beyond 2 rad in a step the method is unstable
 
 
@@ -183,9 +183,9 @@ def add_nonlinearity(belief, dt):
     """Add to the covariance what the derivative by log w leaves out, of p and of log w itself.
 
     To second order the spring's force changes by 2 w^2 (deta dlog w + eta (dlog w)^2), whose variance is
-    4 w^4 (P_ee P_ww + P_ew^2 + 2 eta^2 P_ww^2); it stays alike for a radian or so of the oscillation before and after.
-    The first two let the deflection's error feed itself, though an oscillation keeps its energy whatever w is: at most
-    at _GROWTH_MAX.
+    4 w^4 (P_ee P_ww + P_ew^2 + 2 eta^2 P_ww^2); it stays alike for a radian or so of the oscillation before and after,
+    so that its power density is 2 / w times that. The first two let the deflection's error feed itself, though an
+    oscillation keeps its energy whatever w is: at most at _GROWTH_MAX.
 
     The derivative of a phase by the frequency holds over a few oscillations. Over many, information would be added up
     at phases that were wrong, and a frequency once settled on would never be left: it fades, up to what the data sheet
