@@ -8,8 +8,6 @@ from satid_gym.env import SatInertiaIDEnv
 from satid_gym.fleet import Fleet
 from satid_gym.policy import only_mission
 
-_CHANNELS = ("time", "gyro", "tachometer", "star_tracker")
-
 
 class FlightLog:
     """Readings of the episodes of an environment; made before its first reset.
@@ -21,29 +19,29 @@ class FlightLog:
     def __init__(self, env: SatInertiaIDEnv) -> None:
         env.fleet = Fleet(env.problem, 1, log=True)
         self._env, self._rows = env, list[np.ndarray]()
-        self._tracked = only_mission(env.problem).prior.sensors.star_tracker is not None
+        tracked = only_mission(env.problem).prior.sensors.star_tracker is not None
+        self._channels = ("gyro", "tachometer", *(("star_tracker",) if tracked else ()))
 
     def begin(self) -> None:
         """Keep the first readings of an episode, and forget those before."""
         plant = self._env.fleet.rows.plants[0]
-        tracker = plant["tracker"]
-        seen = tracker["reading"] if tracker["fresh"] else np.full(4, np.nan)
-        self._rows = [np.concatenate([[0.0], plant["gyro"], plant["tachometer"], seen])[None]]
+        first = {"gyro": plant["gyro"], "tachometer": plant["tachometer"], "star_tracker": plant["tracker"]["reading"]}
+        self._rows = [np.concatenate([[0.0], *(first[name] for name in self._channels)])[None]]
 
     def note(self) -> None:
         """Keep the readings of the last decision."""
         samples = self._env.fleet.rows.logs[0]
-        self._rows.append(np.column_stack([samples[name] for name in _CHANNELS]))
+        self._rows.append(np.column_stack([samples[name] for name in ("time", *self._channels)]))
 
     def csv(self) -> str:
         """One row a sample: time, gyro, wheel speeds, with their units in the header, and the star tracker's attitude.
 
-        A cell is empty where there is no reading.
+        Quaternions rotate from body to inertial. A cell is empty where there is no reading.
         """
+        wheels = range(1, self._env.problem.wheels + 1)
+        head = ["time [s]", *(f"gyro_{axis} [rad/s]" for axis in "xyz"), *(f"wheel_{k} [rad/s]" for k in wheels)]
+        if "star_tracker" in self._channels:
+            head += [f"q{part}" for part in "xyzw"]
         table = np.concatenate(self._rows)
-        head = ["time [s]", *(f"gyro_{axis} [rad/s]" for axis in "xyz")]
-        head += [f"wheel_{k} [rad/s]" for k in range(1, table.shape[1] - 7)]
-        head += [f"q{part}" for part in "xyzw"]
-        columns = len(head) if self._tracked else len(head) - 4
-        lines = (",".join("" if np.isnan(cell) else f"{cell:.10g}" for cell in row[:columns]) for row in table)
-        return "\n".join([",".join(head[:columns]), *lines]) + "\n"
+        lines = [",".join("" if np.isnan(cell) else f"{cell:.10g}" for cell in row) for row in table]
+        return "\n".join([",".join(head), *lines]) + "\n"
