@@ -133,7 +133,7 @@ def fly(
         truth: class or function that makes a truth for each episode, or its module:name; None: the environment's own.
 
     Raises:
-        ValueError: the policy is none or cannot fly there, a name or value is not valid, or episodes would share a
+        ValueError: the policy is not one or cannot fly there, a name or value is not valid, or episodes would share a
             truth.
     """
     if isinstance(policy, type) or not callable(policy) or not hasattr(policy, "reset"):

@@ -428,7 +428,7 @@ def assert_same_belief(fast, slow, tolerance: float = 1e-10) -> None:
 @cases("substeps", [1, 3])
 @cases(("name", "parameters"), [*SHAPES, ("slender", "principal")])
 def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, spread, request):
-    """Coarse and fair beliefs are iterated, fine ones not; rates on both sides of what passes for noise."""
+    """Coarse and fair beliefs are iterated, fine ones not; rates on both sides of the limit of noise."""
     satellite = request.getfixturevalue(name)
     prior = prior_of(satellite, SCENARIOS["default"]).replace(**ROUGH)
     if name == "slender":

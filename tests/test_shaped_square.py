@@ -155,7 +155,7 @@ def test_a_mode_that_rings_is_damped():
 
 @cases("limit", [10.0, 0.0])
 def test_without_a_limit_it_reverses_at_once(limit):
-    """10 is observed where there is none, 0 where no rotation excites the mode."""
+    """10 is observed without a limit, 0 where no rotation excites the mode."""
     own = mission()
     sheet, _ = sheet_and_truth(0.002)  # so slow that a limit of 10 would hold it
     observation = seen(own, sheet, sheet)

@@ -29,7 +29,7 @@ class Shortfall:
     Attributes:
         policy, satellite: their names.
         line: what lacks, in words.
-        remedy: the command that finds a baseline's settings; "" where there is none.
+        remedy: the command that finds a baseline's settings; "" if it has no such command.
         flies: whether it flies, with its default settings.
     """
 

@@ -38,7 +38,7 @@ class Modes(NamedTuple):
         bent: (N, modes) eta_0 by change of the rate along d in a decision.
         turn: (N, modes, 2) cosine and sine of w times a step.
         turned: (N, modes) w times a decision.
-        limit: (N, modes) share of the limit of deflection; infinite where there is none.
+        limit: (N, modes) share of the limit of deflection; infinite without one.
         pull: (N, modes, 6) of the rotation: (xx, yy, zz, xy, xz, yz) of K, where rates r over the limit that stay
             pull a mode to r . K r.
     """

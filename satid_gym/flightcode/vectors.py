@@ -20,7 +20,7 @@ Row = tuple[float, np.ndarray, np.ndarray, np.ndarray | None]
 def flight(pilot: Pilot, decisions: int) -> list[Row]:
     """Stamps, s, and readings of an episode that the pilot's policy flies; NaN: lost.
 
-    Readings are those of gyro (3,), wheels (n,) and star tracker (4,), None where there is none. Some of gyro and star
+    Readings are those of gyro (3,), wheels (n,) and star tracker (4,), None without one. Some of gyro and star
     tracker are wrong where the filter has a gate, and would ruin any other.
     """
     fleet = Fleet(pilot.problem, 1, log=True)

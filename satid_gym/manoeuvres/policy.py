@@ -54,7 +54,7 @@ class ManoeuvrePolicy:
                 attitude=real_array("attitude", kept["attitude"], (len(time), 4)),
             )
             if np.abs(plan.time - time).max() > _SAME:
-                raise ValueError("time_s does not go by decision_period_s")
+                raise ValueError("time_s does not increase in steps of decision_period_s")
             sheet = Satellite.from_dict(whole["satellite"]) if "satellite" in whole else None
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise DamagedFileError(f"{path} holds no manoeuvre ({error}): {_REMEDY}") from error

@@ -106,7 +106,7 @@ class Pilot:
             time: s, of any clock.
             gyro: (3,) rad/s, body frame.
             wheel_speed: (n,) relative to the body, rad/s.
-            attitude: (4,) of the star tracker, a quaternion from body to inertial, scalar last; None: no new one.
+            attitude: (4,) of the star tracker, a quaternion from body to inertial, scalar last; None: no new reading.
             sun: (3,) direction of the Sun, inertial frame, which is observed where the Sun blinds the star tracker;
                 None: it is observed as 0. The Earth is taken as the environment has it, at the inertial
                 (cos nt, sin nt, 0) with t from the start.

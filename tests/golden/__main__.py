@@ -22,7 +22,7 @@ class Golden:
     """Where to write."""
 
     output: Path = DATA
-    """JSON file that the tests hold the environment against."""
+    """JSON file with which the tests compare the environment."""
     new: bool = False
     """Fly only the cases that it lacks, and keep the others as they are."""
 

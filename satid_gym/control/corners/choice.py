@@ -22,7 +22,7 @@ SHORT = 3.0  # s at the rate limit, a rotation of which star fixes tell little
 
 
 class NearestMode(NamedTuple):
-    """Mode nearest to its limit, of N episodes; zeros where there is none.
+    """Mode nearest to its limit, of N episodes; zeros without modes.
 
     Attributes:
         number: (N,) which it is.

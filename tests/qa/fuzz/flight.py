@@ -1,4 +1,4 @@
-"""Fly a configuration and hold every decision against what must be true of any environment."""
+"""Fly a configuration and compare every decision with what must be true of any environment."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class _Log:
         self.seen.append((observation, info))
 
     def check(self, slack: float) -> dict[str, float]:
-        """Hold all of it against the promises; the flight in figures.
+        """Compare all of it with the promises; the flight in figures.
 
         Args:
             slack: how far |M| may drift in a sample without external torque, relative.
