@@ -15,11 +15,11 @@ from satid_gym.commands.main import main
 from satid_gym.control.corners.features import features_of
 from satid_gym.flightcode.c_types import DOUBLE, Array, TranslationError
 from satid_gym.flightcode.measure import compiled
-from satid_gym.flightcode.policy_source import template
+from satid_gym.flightcode.policy_files import template
 from satid_gym.flightcode.translator import Translator
 from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.flightcode.writer import texts, write
-from satid_gym.policies import build, find
+from satid_gym.policies import build
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.shaped_square import ShapedSquarePolicy
@@ -57,9 +57,9 @@ def replayed(check, folder, vectors):
 
 
 def toured(kind):
-    """A policy whose score takes all features of corners, one that is shaped for satellites with modes."""
-    is_shaped, rigid = not kind.startswith("corners"), features_of(SCENARIOS["default"])
-    features = features_of(SCENARIOS["flex"], is_shaped=True) if is_shaped else rigid
+    """A policy whose score takes all features of corners, those of modes where there are any."""
+    is_shaped, rigid = kind.startswith("tour"), features_of(SCENARIOS["default"])
+    features = features_of(SCENARIOS["flex"], is_shaped) if "tank" in kind else rigid
     weights = np.random.default_rng(7).normal(size=(1, len(features))).astype(np.float32)
     weights[0, [name not in rigid for name in features]] *= 3.0  # that of each tells
     if kind == "corners_rate":  # or a lost reading leads to other reversals than those of the flight that is replayed
@@ -93,7 +93,12 @@ def pilot_of(kind, pyramid):
         return Pilot(sheet, ShapedSquarePolicy(), scenario="flex", control="rate")
     if kind == "tour_rigid":
         return Pilot("microsat", "panel_tour", control="rate")
-    if kind == "tour_panels_tank":
+    if kind == "stargazer":
+        return Pilot("microsat", kind, scenario="calibration", control="rate")
+    if kind in ("tank_tour", "corner_tour"):
+        policy = kind if kind == "tank_tour" else build(kind, {"hold": 10.0, "share": 0.8, "caution": 0.5})
+        return Pilot(problem("microsat", scenario="slosh").satellites[3], policy, scenario="slosh", control="rate")
+    if kind in ("tour_panels_tank", "corners_panels_tank"):
         sheet = panelled("microsat")
         panels = sheet.oscillators[0].replace(axis=[0.0, 0.6, 0.8])  # so that corners drive and bend it differently
         return Pilot(sheet.replace(oscillators=(panels, TANK)), toured(kind), control="rate")
@@ -109,6 +114,7 @@ def pilot_of(kind, pyramid):
     return Pilot(satellite, policy, scenario=scenario, control="rate" if kind.endswith("rate") else "torque")
 
 
+SLOW_KINDS = ("tracker_late", "tour_panels_tank", "corners_panels_tank", "stargazer")
 KINDS = [
     "generalist",
     "multi_step",
@@ -124,7 +130,9 @@ KINDS = [
     "tracker_gate",
     "tour_panels",
     "tour_rigid",
-    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("tracker_late", "tour_panels_tank")),
+    "tank_tour",
+    "corner_tour",
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in SLOW_KINDS),
 ]
 
 
@@ -327,10 +335,10 @@ def test_the_same_pilot_gives_the_same_bytes_and_no_static_data(tmp_path, capsys
 
 def test_what_has_no_c_is_refused_in_one_line(tmp_path, capsys):
     assert main(["export", "--policy", "mpc", "--output", str(tmp_path)]) == 2
-    with pytest.raises(ValueError, match=r"tank_tour has no C for microsat: its score takes .*peak_kept"):
-        texts(Pilot("microsat", find("tank_tour"), control="rate"))
-    with pytest.raises(ValueError, match="rigid_tour has no C for microsat: it is not shaped, and"):
-        texts(Pilot(panelled("microsat"), find("rigid_tour"), scenario="flex", control="rate"))
+    network = Network((np.ones((1, 2), np.float32),), (np.zeros(1, np.float32),))
+    starry = LearnedPolicy("starry", network, "rate", 3.5, observation="body", corner_features=["waited", "stars"])
+    with pytest.raises(ValueError, match=r"starry has no C: its score takes stars; give a policy of agents.evolution"):
+        texts(Pilot("microsat", starry, scenario="calibration", control="rate"))
     assert capsys.readouterr().err.startswith("error: policy mpc has no C: give a learned policy, rate_square")
 
 

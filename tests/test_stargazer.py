@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from agents.training.ppo import PPOSettings
 from agents.training.sac import SACSettings
 from agents.training.sb3.switches import SwitchedVecEnv, commands, with_switches
 from agents.training.train import named
-from satid_gym.flightcode.policy_source import policy_source
 from satid_gym.policies import find
 from satid_gym.policies.learned import LearnedPolicy, Network
 from satid_gym.policy import observation_settings, only_mission
@@ -160,9 +157,7 @@ def test_the_shipped_policy_is_of_the_named_settings():
     assert observation_settings(policy)["observation"] == "body"
 
 
-def test_c_and_onnx_refuse_a_policy_that_repeats_its_commands():
+def test_onnx_refuses_a_policy_that_repeats_its_commands():
     policy = find("stargazer")
-    with pytest.raises(ValueError, match="repeats each command for 10 decisions, and has no C"):
-        policy_source(SimpleNamespace(policy=policy))
     with pytest.raises(ValueError, match="a graph without memory"):
         graph(policy, only_mission(problem("microsat", "static", "calibration", control="rate", observation="body")))

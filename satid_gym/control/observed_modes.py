@@ -20,11 +20,12 @@ from satid_gym.core.algebra import dot, load, multiply
 from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES, observed_std
 from satid_gym.policy import Mission
+from satid_gym.scenario import Scenario
 
 _READ = ("rate", "control_authority", "inertia", "modes", "time_left")  # parts of the observation
 TINY = 1e-12  # of a length, so that none is divided by 0
 _AHEAD = 8  # decisions in which rates settle
-_STEPS = 4  # of a decision, in which accelerations are taken to be constant
+STEPS = 4  # of a decision, in which accelerations are taken to be constant
 
 
 class Modes(NamedTuple):
@@ -94,7 +95,7 @@ class ObservedModes:
         self._share = check_number("share", share, high=1.0, strict=True)
         self._caution = check_number("caution", caution)
         self._layout = first.layout
-        self._lag = 1.0 - np.exp(-first.scenario.tracking_bandwidth * first.scenario.decision_period / _STEPS)
+        self._lag = step_lag(first.scenario)
         self._all_moments = np.stack([np.diag(mission.prior.inertia) for mission in missions])
         self._moments = self._all_moments[:1]
         self._sheet = np.zeros((0, 0, 2))  # w T and |d| of the data sheet, (N, modes)
@@ -127,11 +128,11 @@ class ObservedModes:
         given = np.where((limit > 0.0) & (limit < BOUND), limit, np.inf)  # 0 of a mode that no rotation excites
         return Modes(
             seen["rate"],
-            seen["control_authority"] / _STEPS,
+            seen["control_authority"] / STEPS,
             np.stack([part["deflection"], part["deflection_rate"] * own], axis=2),
             coupling / np.maximum(size, TINY)[:, :, None],
             size / np.maximum(self._sheet[:, :, 1], TINY) * own / turned,
-            np.stack([np.cos(turned / _STEPS), np.sin(turned / _STEPS)], axis=2),
+            np.stack([np.cos(turned / STEPS), np.sin(turned / STEPS)], axis=2),
             turned,
             self._share * given,
             several["centrifugal"] / slower[:, :, None] ** 2,
@@ -155,6 +156,11 @@ class ObservedModes:
             return peaks
         peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, decisions, peaks)
         return peaks
+
+
+def step_lag(scenario: Scenario) -> float:
+    """Share of a commanded change of the rate that the environment's loop brings in a step."""
+    return float(1.0 - np.exp(-scenario.tracking_bandwidth * scenario.decision_period / STEPS))
 
 
 @inline
@@ -191,7 +197,7 @@ def _steps(modes, i, command, lag, steps, rate, swing, enough):
         rate[0], rate[1], rate[2] = rate[0] + x, rate[1] + y, rate[2] + z
         for m in range(swing.shape[0]):
             cosine, sine = modes.turn[i, m]
-            centre = -_STEPS * modes.bent[i, m] * dot((x, y, z), load(modes.direction[i, m]))
+            centre = -STEPS * modes.bent[i, m] * dot((x, y, z), load(modes.direction[i, m]))
             off, speed = swing[m, 0] - centre, swing[m, 1]
             swing[m, 0] = centre + off * cosine + speed * sine
             swing[m, 1] = speed * cosine - off * sine
@@ -205,34 +211,43 @@ def _steps(modes, i, command, lag, steps, rate, swing, enough):
 def _peak_if_kept(modes, i, command, lag, rate, swing, enough):
     """Largest deflection over its limit under a command that stays, ringing afterwards included; or the first that is
     at least `enough`."""
-    peak = _steps(modes, i, command, lag, _AHEAD * _STEPS, rate, swing, enough)
+    peak = _steps(modes, i, command, lag, _AHEAD * STEPS, rate, swing, enough)
     for m in range(swing.shape[0]):
         peak = max(peak, np.hypot(swing[m, 0], swing[m, 1]) / modes.limit[i, m])
     return peak
 
 
+@inline
+def _copy(rate, swing, own_rate, own_swing):
+    """Begin at a rate (3,) and swing (modes, 2)."""
+    for k in range(3):
+        own_rate[k] = rate[k]
+    for m in range(own_swing.shape[0]):
+        own_swing[m, 0], own_swing[m, 1] = swing[m, 0], swing[m, 1]
+
+
 @kernel
 def peaks_many(modes, choices, lag, peaks):
     """See `ObservedModes.peaks`."""
-    rate, swing = np.empty(3), np.empty(modes.swing.shape[1:])
+    rate, swing = np.empty(3), np.empty((modes.swing.shape[1], 2))
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
-            rate[:], swing[:] = modes.rate[i], modes.swing[i]
+            _copy(modes.rate[i], modes.swing[i], rate, swing)
             peaks[i, c] = _peak_if_kept(modes, i, choices[i, c], lag, rate, swing, np.inf)
 
 
 @kernel
 def peaks_of_turns_many(modes, choices, lag, decisions, peaks):
     """See `ObservedModes.peaks_of_turns`."""
-    size = modes.swing.shape[1:]
-    turned, turned_swing, rate, swing = np.empty(3), np.empty(size), np.empty(3), np.empty(size)
+    turned, turned_swing = np.empty(3), np.empty((modes.swing.shape[1], 2))
+    rate, swing = np.empty(3), np.empty((modes.swing.shape[1], 2))
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
-            turned[:], turned_swing[:] = modes.rate[i], modes.swing[i]
-            first = _steps(modes, i, choices[i, c], lag, decisions * _STEPS, turned, turned_swing, np.inf)
+            _copy(modes.rate[i], modes.swing[i], turned, turned_swing)
+            first = _steps(modes, i, choices[i, c], lag, decisions * STEPS, turned, turned_swing, np.inf)
             least = np.inf
             for after in range(choices.shape[1]):
-                rate[:], swing[:] = turned, turned_swing
+                _copy(turned, turned_swing, rate, swing)
                 least = min(least, _peak_if_kept(modes, i, choices[i, after], lag, rate, swing, least))
                 if least <= first:
                     break

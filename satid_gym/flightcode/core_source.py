@@ -16,6 +16,7 @@ from satid_gym.core.report import note_peaks
 from satid_gym.estimators.records import new_work
 from satid_gym.flightcode.c_types import (
     DOUBLE,
+    INT,
     Array,
     Record,
     Type,
@@ -26,7 +27,7 @@ from satid_gym.flightcode.c_types import (
     record_structs,
 )
 from satid_gym.flightcode.layout import lines_of
-from satid_gym.flightcode.policy_source import PolicySource
+from satid_gym.flightcode.policy_files import PolicySource
 from satid_gym.flightcode.sources import Source, stored_fields
 from satid_gym.flightcode.translator import Translator
 from satid_gym.onboard import kernels
@@ -85,8 +86,8 @@ class CoreSource:
         self._add("note_peaks", note_peaks, [("readings", readings), ("belief", belief), ("report", report)])
         if policy.constants is not None:
             self._add_drive(policy.constants, n, p)
-        if policy.shaping:
-            self._add_shaping(policy, len(self._belief["modes"]["frequency"][0]))
+        if policy.mode_functions:
+            self._add_modes(policy, len(self._belief["modes"]["frequency"][0]))
         self.header, self.source = self._header(pilot), self._source()
 
     def _add_drive(self, constants: PlantConstants, n: int, p: int) -> None:
@@ -102,17 +103,19 @@ class CoreSource:
         given += [("margin", DOUBLE), ("period", DOUBLE), ("actions", actions)]
         self._add("drive", drive_many, given)
 
-    def _add_shaping(self, policy: PolicySource, m: int) -> None:
-        shapes = {"swing": (m, 2), "direction": (m, 3), "bent": (m,), "turned": (m,), "limit": (m,), "pull": (m, 6)}
+    def _add_modes(self, policy: PolicySource, m: int) -> None:
+        own = {"rate": (3,), "most": (3,), "swing": (m, 2), "direction": (m, 3), "bent": (m,), "turn": (m, 2)}
+        shapes = {**own, "turned": (m,), "limit": (m,), "pull": (m, 6)}
         modes = record_of("satid_modes", np.dtype([(name, FLOAT, (1, *shape)) for name, shape in shapes.items()]))
         self._records.append(modes)
         given: dict[str, Type] = {"modes": modes, "pulled": Array("double", (1, policy.choices, m))}
-        given |= dict.fromkeys(("wanted", "rates"), Array("double", (1, policy.choices, 3)))
+        given |= dict.fromkeys(("wanted", "rates", "choices"), Array("double", (1, policy.choices, 3)))
         given |= dict.fromkeys(("held", "edge", "most"), Array("double", (1, 3)))
-        given["share"] = Array("double", (1,))
-        for function in policy.shaping:
+        given |= {"share": Array("double", (1,)), "peaks": Array("double", (1, policy.choices))}
+        given |= {"lag": DOUBLE, "decisions": INT}
+        for function in policy.mode_functions:
             source = Source(function)
-            self._add(source.tree.name.removesuffix("_many"), function, [(own, given[own]) for own in source.arguments])
+            self._add(source.tree.name.removesuffix("_many"), function, [(one, given[one]) for one in source.arguments])
 
     def _add(self, name: str, function: Callable[..., Any], given: list[tuple[str, Type]]) -> None:
         """Make a function known to the pilot as satid_core_NAME."""

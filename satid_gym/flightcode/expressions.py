@@ -130,12 +130,14 @@ class Expressions(Operators):
         called = self.source.known(node.func)
         if node.keywords:
             raise self.source.refuse(node, "arguments by name")
+        if called is np.empty:
+            (size,) = node.args
+            lengths = [self.value(length).constant for length in (size.elts if isinstance(size, ast.Tuple) else [size])]
+            return Value(EMPTY, Array("double", tuple(lengths)))
         arguments = [self.value(argument) for argument in node.args]
         if is_part(called):
             name, kind = self.program.call(called, [argument.type for argument in arguments])
             return Value(f"{name}({', '.join(a.code for a in arguments)})", kind or Tuple(()))
-        if called is np.empty:
-            return Value(EMPTY, Array("double", (arguments[0].constant,)))
         if called not in FUNCTIONS:
             raise self.source.refuse(node, "a call of this function")
         return self._number_call(node, called, arguments)

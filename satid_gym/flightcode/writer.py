@@ -8,7 +8,8 @@ from pathlib import Path
 
 from satid_gym.files import write_text
 from satid_gym.flightcode.core_source import CoreSource
-from satid_gym.flightcode.policy_source import policy_source, template
+from satid_gym.flightcode.policy_files import template
+from satid_gym.flightcode.policy_source import policy_source
 from satid_gym.flightcode.vectors import expected, flight
 from satid_gym.onboard.pilot import Pilot
 

@@ -35,7 +35,7 @@ CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _FIRST_WAITS = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0])  # of the hold, so that the axes do not begin together
 SHARE, CAUTION = 0.9, 1.0  # defaults, see `ObservedModes`
 _SLOW = 0.5  # of the rate limit, below which an axis turns to no side
-_CLOSED = 1e6  # what a closed corner loses by its peak
+CLOSED = 1e6  # what a closed corner loses by its peak
 _SEEN = ("rate", "wheel_momentum", "inertia", "uncertainty", "control_authority", "time_left", "nis")
 _MORE = ("state_uncertainty", "state_correlation", "inertia_walk", "window", "target")  # where they are observed
 Score = Callable[[np.ndarray], np.ndarray]
@@ -199,7 +199,7 @@ class CornerTour:
                 decisions=self._world.decisions,
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
-        best = np.argmax(np.where(ways.peak <= 1.0, scores, -_CLOSED * ways.peak), axis=1)
+        best = np.argmax(np.where(ways.peak <= 1.0, scores, -CLOSED * ways.peak), axis=1)
         self._turn(CORNERS[best])
         action = ways.rates[np.arange(len(best)), best]
         return action if self._gaps is None else self._gaps(observation, action, leaves)

@@ -1,5 +1,7 @@
 #include "corner_features.h"
 
+#include <string.h>
+
 #include "corners.h" /* SCORE(X): X(feature, weight) of each */
 
 static const double MOMENTUM[3] = SATID_MOMENTUM; /* N m s, of all wheels along each axis */
@@ -10,20 +12,19 @@ typedef struct {
         reversals_slew, reversals_slewed, reversals_frequency, reversals_speed, unknown, unknown_12s, coupled,
         coupled_12s, any, any_uncertainty, any_elapsed, any_early, any_late, any_walk, any_slew, any_nis, any_frequency,
         any_deflection, gain, gain_1, gain_3, gain_10, gain_uncertainty, gain_early, gain_1_early, gain_walk,
-        gain_1_walk, underway, fullness, fullness_beyond, load, load_beyond, drive, drive_frequency, drive_deflection,
-        drive_speed, pull, pull_deflection, pull_speed;
+        gain_1_walk, underway, fullness, fullness_beyond, load, load_beyond, peak, peak_3, peak_kept, peak_kept_frequency,
+        drive, drive_frequency, drive_deflection, drive_speed, pull, pull_deflection, pull_speed;
 } corner_features;
 
 static void read_mode(satid_ways *ways, satid_nearest_mode *mode)
 {
-    const satid_nearest_mode none = {{0.0}, 0.0, 0.0, 0.0, {0.0}};
-    *mode = none;
+    memset(mode, 0, sizeof *mode);
 #if SATID_MODES > 0
     const satid_modes *modes = &ways->modes;
     double pulled[1][SATID_CORNERS][SATID_MODES], farthest = -1.0;
     satid_core_pulled(&ways->modes, ways->corner, pulled);
     for (int m = 0; m < SATID_MODES; m++) {
-        const double limit = SATID_SHARE * modes->limit[0][m];
+        const double limit = modes->limit[0][m];
         const double deflection = modes->swing[0][m][0] / limit, speed = modes->swing[0][m][1] / limit;
         if (!(hypot(deflection, speed) > farthest)) {
             continue;
@@ -39,6 +40,12 @@ static void read_mode(satid_ways *ways, satid_nearest_mode *mode)
             mode->pull[c] = pulled[0][c][m] / limit;
         }
     }
+#if SATID_PEAK_3
+    satid_core_peaks_of_turns(&ways->modes, ways->corner, SATID_LAG, 3, mode->peak_3);
+#endif
+#if SATID_PEAK_KEPT
+    satid_core_peaks(&ways->modes, ways->corner, SATID_LAG, mode->peak_kept);
+#endif
 #else
     (void)ways;
 #endif
@@ -111,7 +118,7 @@ static void wheels(const satid_choice *choice, const double corner[3], corner_fe
     f->load_beyond = 3.0 * fmax(f->load - 0.5, 0.0);
 }
 
-static void modes(const satid_nearest_mode *mode, int number, const double corner[3], corner_features *f)
+static void modes(const satid_nearest_mode *mode, int number, double peak, const double corner[3], corner_features *f)
 {
     const double pull = mode->pull[number];
     double drive = 0.0;
@@ -122,6 +129,10 @@ static void modes(const satid_nearest_mode *mode, int number, const double corne
     f->reversals_speed = f->reversals * fabs(mode->speed);
     f->any_frequency = f->any * mode->frequency;
     f->any_deflection = f->any * fabs(mode->deflection);
+    f->peak = fmin(peak, 1.2);
+    f->peak_3 = fmin(mode->peak_3[0][number], 2.0);
+    f->peak_kept = fmin(mode->peak_kept[0][number], 3.0);
+    f->peak_kept_frequency = f->peak_kept * mode->frequency;
     f->drive = fabs(drive);
     f->drive_frequency = fabs(drive) * mode->frequency;
     f->drive_deflection = drive * mode->deflection;
@@ -186,7 +197,7 @@ double satid_score(const float *observation, const satid_policy *policy, const s
     f.gain_1_walk = f.gain_1 * walk;
 #endif
     wheels(choice, corner, &f);
-    modes(&choice->mode, number, corner, &f);
+    modes(&choice->mode, number, ways->peak[0][number], corner, &f);
 #define ADD(feature, weight) \
     total += (double)weight * f.feature; \
     SATID_COUNT(2);

@@ -11,15 +11,18 @@
 /* Ways to the corners: the rates at these, and of the next decision, over the limit. */
 typedef struct {
     double corner[1][SATID_CORNERS][3], rate[1][SATID_CORNERS][3];
+    double peak[1][SATID_CORNERS]; /* of the modes, over their limit; above 1 a way is closed */
     double most[1][3]; /* change of the rate in a decision that the modes allow */
 #if SATID_MODES > 0
     satid_modes modes;
 #endif
 } satid_ways;
 
-/* The mode that is nearest to its limit, what is over this, and ln(w T); zeros where there is none. */
+/* The mode that is nearest to its limit, what is over this, ln(w T), and what is forecast of all: the peak at a corner
+   that is left for the best after three decisions, and at one that is kept; zeros where there is none. */
 typedef struct {
     double direction[3], deflection, speed, frequency, pull[SATID_CORNERS];
+    double peak_3[1][SATID_CORNERS], peak_kept[1][SATID_CORNERS];
 } satid_nearest_mode;
 
 typedef struct {

@@ -6,6 +6,10 @@ static const double MOMENTS[3] = SATID_MOMENTS; /* kg m^2, of the prior */
 
 void satid_read_modes(const float *observation, satid_mode_sheet *sheet, satid_modes *modes)
 {
+    for (int i = 0; i < 3; i++) {
+        modes->rate[0][i] = (double)observation[SATID_AT_RATE + i];
+        modes->most[0][i] = (double)observation[SATID_AT_CONTROL_AUTHORITY + i] / SATID_STEPS;
+    }
     for (int m = 0; m < SATID_MODES; m++) {
         const float *mode = observation + SATID_AT_MODES + SATID_MODE_PARTS * m;
         const double frequency = 2.0 * PI * (double)mode[SATID_MODE_FREQUENCY];
@@ -30,6 +34,8 @@ void satid_read_modes(const float *observation, satid_mode_sheet *sheet, satid_m
         modes->swing[0][m][0] = (double)mode[SATID_MODE_DEFLECTION];
         modes->swing[0][m][1] = (double)mode[SATID_MODE_DEFLECTION_RATE] * own;
         modes->bent[0][m] = size / fmax(sheet->size[m], SATID_TINY) * own / turned;
+        modes->turn[0][m][0] = cos(turned / SATID_STEPS);
+        modes->turn[0][m][1] = sin(turned / SATID_STEPS);
         modes->turned[0][m] = turned;
         modes->limit[0][m] = limit > 0.0 && limit < SATID_BOUND ? limit : (double)INFINITY;
         for (int k = 0; k < 6; k++) {

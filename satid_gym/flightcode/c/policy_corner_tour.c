@@ -1,5 +1,5 @@
-/* From corner to corner of the rate envelope by a score, as far in each decision as modes allow; see
-   satid_gym.control.corners.tour. */
+/* From corner to corner of the rate envelope by a score, through ways that modes leave open, or as far in each decision
+   as modes allow; see satid_gym.control.corners.tour. */
 #include "satid_policy.h"
 
 #include <string.h>
@@ -16,15 +16,24 @@ static void find_ways(const float *observation, satid_policy *policy, satid_ways
             ways->corner[0][c][i] = ways->rate[0][c][i] = SATID_SIDE(c, i) * SHARE[i];
         }
     }
+    memset(ways->peak, 0, sizeof ways->peak);
 #if SATID_MODES > 0
+    satid_read_modes(observation, &policy->sheet, &ways->modes);
+#if SATID_SHAPED
     double held[1][3], edge[1][3], share[1] = {SATID_SHARE};
     for (int i = 0; i < 3; i++) {
         held[0][i] = (double)observation[SATID_AT_COMMAND + i];
         edge[0][i] = SHARE[i];
     }
-    satid_read_modes(observation, &policy->sheet, &ways->modes);
     satid_core_bear(&ways->modes, ways->rate, share, ways->corner);
     satid_core_shape(&ways->modes, held, ways->corner, edge, share, ways->rate, ways->most);
+#endif
+    for (int m = 0; m < SATID_MODES; m++) {
+        ways->modes.limit[0][m] *= SATID_SHARE;
+    }
+#if !SATID_SHAPED
+    satid_core_peaks_of_turns(&ways->modes, ways->corner, SATID_LAG, 1, ways->peak);
+#endif
 #else
     (void)observation;
     (void)policy;
@@ -51,7 +60,8 @@ void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERV
         action[i] = (double)NAN;
     }
     for (int c = 0; c < SATID_CORNERS; c++) {
-        const double score = satid_score(observation, policy, &ways, &choice, c);
+        const double peak = ways.peak[0][c];
+        const double score = peak <= 1.0 ? satid_score(observation, policy, &ways, &choice, c) : -SATID_CLOSED * peak;
         if (score > best) {
             best = score;
             for (int i = 0; i < 3; i++) {

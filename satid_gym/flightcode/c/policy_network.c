@@ -1,12 +1,14 @@
 /* Multilayer perceptron from observation to command; layers and what becomes of the command are in network.h. */
 #include "satid_policy.h"
 
+#include <string.h>
+
 #include "command.h"
 #include "network.h"
 
 void satid_policy_reset(satid_policy *policy)
 {
-    policy->decision = 0;
+    memset(policy, 0, sizeof *policy);
 }
 
 static void layer(const float *weight, const float *bias, int inputs, int outputs, const double *x, double *y)
@@ -20,7 +22,7 @@ static void layer(const float *weight, const float *bias, int inputs, int output
     }
 }
 
-void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERVATION], double action[SATID_ACTIONS])
+static void decide(const float *observation, double *command)
 {
     double x[WIDEST], y[WIDEST];
     const float *weight = WEIGHTS, *bias = BIASES;
@@ -37,6 +39,14 @@ void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERV
         }
         SATID_COUNT(2 * inputs * outputs + 2 * outputs);
     }
+    memcpy(command, x, (size_t)SIZES[LAYERS] * sizeof *x);
+}
+
+void satid_policy_act(satid_policy *policy, const float observation[SATID_OBSERVATION], double action[SATID_ACTIONS])
+{
+    if (policy->decision % REPEAT == 0) {
+        decide(observation, policy->command);
+    }
     policy->decision++;
-    satid_command(observation, x, action);
+    satid_command(observation, policy->command, action);
 }
