@@ -296,7 +296,7 @@ another simulator, or its module:name |
         """Start an episode.
 
         Args:
-            seed: makes this and the following episodes reproducible.
+            seed: makes this episode reproducible and, with the same actions, those that follow.
             options: for this episode alone: `satellite`, `inertia` (mode, law or mapping), `true_inertia`
                 ((3,) or (3, 3) kg m^2 in place of a drawn one).
 

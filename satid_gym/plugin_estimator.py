@@ -180,7 +180,8 @@ class PluginFilter:
         plant = self._fleet.rows.plants[0]
         accepted, speed = self._accepted(plant["tachometer"])
         belief["coasting"] = plant["gyro_flagged"] or not accepted
-        belief["speed"], belief["stuck"] = speed, speed != plant["tachometer"]
+        belief["speed"] = belief["gate"]["speed"] = speed
+        belief["stuck"] = speed != plant["tachometer"]
         if isinstance(self.estimator, CompiledEKF):
             for name in ("wheel_input", "alignment", "modes", "attitude"):  # with the mean, the rate follows from these
                 belief[name] = self.estimator.record[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from satid_gym.scenario_catalogue import SCENARIOS
 SatelliteLike = str | Satellite | Mapping[str, Any] | Sequence[str | Satellite | Mapping[str, Any]]
 InertiaLike = str | InertiaLaw | Mapping[str, Any]
 ScenarioLike = str | Scenario | Mapping[str, Any]
+_ALIKE = 0.8  # similarity of a name to another from which on it may be a slip
 
 
 def resolve_satellites(satellite: SatelliteLike) -> tuple[Satellite, ...]:
@@ -71,7 +73,7 @@ def resolve_scenario(value: ScenarioLike) -> Scenario:
     A mapping changes settings of the scenario that it names as its `base`, or else by its own name.
 
     Raises:
-        ValueError: a name is unknown or a value is not valid.
+        ValueError: a name is unknown, or almost that of a scenario without a `base`, or a value is not valid.
     """
     if isinstance(value, Scenario):
         return value
@@ -91,4 +93,9 @@ def _changed_scenario(value: Mapping[str, Any]) -> Scenario:
         return SCENARIOS[base].replace(**changes)
     if "base" in value:
         raise unknown_name("base of a scenario", base, SCENARIOS)
+    if near := difflib.get_close_matches(str(base), SCENARIOS, 1, _ALIKE):
+        raise ValueError(
+            f"scenario {base!r} is named almost like {near[0]!r}: say which one its settings change, by "
+            f'base="{near[0]}" or base="default"'
+        )
     return Scenario.from_dict(changes)

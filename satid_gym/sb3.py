@@ -9,12 +9,14 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
+from satid_gym.config import real_array
 from satid_gym.control.mode_limit import ModeLimit
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.gym_api import COSTS
@@ -50,6 +52,7 @@ class SatInertiaIDVecEnv(VecEnv):
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, np.int64)
         self._costs = np.zeros((num_envs, len(COSTS)))  # sums over the episode so far, as the returns
+        self._last_costs = self._costs.copy()
         self._start = time.monotonic()
         super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
 
@@ -80,7 +83,8 @@ class SatInertiaIDVecEnv(VecEnv):
         self._lengths += 1
         dones = terminated | truncated
         fleet = self.vector_env.fleet  # whose reports are those of new episodes where old ones are done
-        self._costs += np.where(dones[:, None], fleet.final.reports["costs"], fleet.rows.reports["costs"])
+        self._last_costs = np.where(dones[:, None], fleet.final.reports["costs"], fleet.rows.reports["costs"])
+        self._costs += self._last_costs
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(dones):
             infos[i] = {
@@ -96,6 +100,11 @@ class SatInertiaIDVecEnv(VecEnv):
             }
         self._begin_sums(dones)
         return observations, rewards.astype(np.float32), dones, infos
+
+    @property
+    def costs(self) -> dict[str, np.ndarray]:
+        """Costs (N,) of the last decision by name, which a wrapper may take off the rewards."""
+        return dict(zip(COSTS, self._last_costs.T, strict=True))
 
     def _begin_sums(self, rows: slice | np.ndarray) -> None:
         """Begin the sums of new episodes in some rows, (N,) bool or a slice."""
@@ -185,6 +194,9 @@ class RateCommandVecEnv(SatInertiaIDVecEnv):
         """Convert rate commands to the environment's actions and keep these for `step_wait`."""
         start = time.perf_counter()
         if self._loop is not None:
+            if self._observations.shape[1] == 0:
+                raise gymnasium.error.ResetNeeded("call reset() before step()")
+            actions = real_array("actions", actions, (self.num_envs, 3))
             rows = self.vector_env.satellite_index
             if not np.array_equal(rows, self._rows):
                 self._loop.assign(rows)

@@ -86,6 +86,8 @@ def panelled(name):
 def pilot_of(kind, pyramid):
     if kind == "tracker_gate":
         return tracked("faults")
+    if kind == "gate_late":
+        return tracked("faults", 0.1, gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9)
     if kind == "tracker_late":
         return tracked("default", 0.1, gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9)
     if kind == "panels":
@@ -114,7 +116,7 @@ def pilot_of(kind, pyramid):
     return Pilot(satellite, policy, scenario=scenario, control="rate" if kind.endswith("rate") else "torque")
 
 
-SLOW_KINDS = ("tracker_late", "tour_panels_tank", "corners_panels_tank", "stargazer")
+SLOW_KINDS = ("tracker_late", "gate_late", "tour_panels_tank", "corners_panels_tank", "stargazer")
 KINDS = [
     "generalist",
     "multi_step",

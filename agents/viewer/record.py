@@ -94,7 +94,7 @@ def _titles(rollouts: Sequence[Rollout], width: float, scale: float) -> np.ndarr
         name = canvas.text((left, 24.0), rollout.name, colour, 22.0)
         canvas.text((left + name + 10.0, 27.0), rollout.policy.kind.replace("_", " "), MUTED, 12.0)
         canvas.text((right, 17.0), f"error {100 * rollout.error:.3f} %", colour, 16.0, "right")
-        status = f"outside limits {100 * rollout.outside:.1f} % of the time"
+        status = f"outside rate limit {100 * rollout.outside:.1f} % of the time"
         if rollout.terminated:
             status = rollout.ending
         canvas.text((right, 36.0), status, ALARM if rollout.terminated else MUTED, 11.0, "right")

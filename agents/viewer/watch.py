@@ -74,7 +74,7 @@ def _print_lines(rollouts: Sequence[Rollout], title: str, console: Console) -> N
         decision += 1
         if decision % every == 0 or _over(rollouts):
             states = " | ".join(
-                f"{rollout.name}: error {100 * rollout.error:.3f} %, outside limits {100 * rollout.outside:.1f} %"
+                f"{rollout.name}: error {100 * rollout.error:.3f} %, outside rate limit {100 * rollout.outside:.1f} %"
                 + (f", {rollout.ending}" if rollout.ending else "")
                 for rollout in rollouts
             )

@@ -123,7 +123,7 @@ def _fly(
     observation, info = env.reset(seed=seed)
     if log is not None:
         log.begin()
-    print(f"{'time':>8s} {'error':>10s} {'held':>10s} {'outside':>8s} {'NEES':>6s}")
+    print(f"{'time':>8s} {'error':>10s} {'held':>10s} {'outside':>8s} {'cost':>6s} {'NEES':>6s}")
     for decision in range(1, decisions + 1):
         if draw is not None and (decision - 1) % max(1, decisions // _FRAMES) == 0:
             draw()
@@ -136,7 +136,7 @@ def _fly(
         if decision % max(1, decisions // _EVERY) == 0 or terminated or truncated:
             print(
                 f"{info['time']:6.0f} s {info['relative_error']:10.3%} {info['information_held']:5.1f} nats "
-                f"{np.mean(series['outside']):8.1%} {info['nees']:6.2f}",
+                f"{np.mean(series['outside']):8.1%} {np.mean(series['cost']):6.1%} {info['nees']:6.2f}",
                 flush=True,
             )
         if terminated:

@@ -152,7 +152,7 @@ class CompiledEKF:
     def accepted(self) -> tuple[bool, np.ndarray] | None:
         """Whether the gyro's last reading was accepted, and the wheel speeds (n,) that it uses; None without a gate."""
         row = self.record
-        return (not row["coasting"], row["speed"].copy()) if row["gate"]["threshold"] > 0.0 else None
+        return (not row["coasting"], row["gate"]["speed"].copy()) if row["gate"]["threshold"] > 0.0 else None
 
     def run(self, prior: FilterPrior, gyro: np.ndarray, wheel_speed: np.ndarray, dt: float) -> FilterRun:
         """Filter a whole series of readings.

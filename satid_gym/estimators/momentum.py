@@ -15,6 +15,7 @@ from satid_gym.estimators.alignment import DataSheet, noise_taps, write_alignmen
 from satid_gym.estimators.attitude import write_attitude
 from satid_gym.estimators.calibration import write_calibration
 from satid_gym.estimators.compiled import CompiledEKF
+from satid_gym.estimators.gate import write_gate
 from satid_gym.estimators.inertia import PARAMETER_COUNT, Parameters
 from satid_gym.estimators.modes import write_modes
 from satid_gym.estimators.prior import FilterPrior
@@ -150,8 +151,7 @@ class MomentumEKFSettings(EstimatorSettings):
         """Write prior and tuning to a belief record.
 
         Raises:
-            ValueError: a gate with sensors whose readings are not of one instant, or a star tracker with such
-                without the prior's sample period.
+            ValueError: a star tracker with readings that are not of one instant, without the prior's sample period.
         """
         p, wheels = PARAMETER_COUNT[parameters], prior.wheels
         row["gyro_std"], row["tachometer_std"] = prior.reading_std, prior.tachometer_noise_std
@@ -162,17 +162,11 @@ class MomentumEKFSettings(EstimatorSettings):
         row["walk"][3 : 3 + p] = self.inertia_walk * row["theta_scale"]
         row["walk"][3 + p : 6 + p] = self.torque_walk(prior)
         row["substeps"] = self.steps(prior)
-        gate, adaptation = row["gate"], row["adaptation"]
-        gate["threshold"], gate["gyro_noisy"] = self.gate_distance, prior.gyro_is_noisy
-        gate["torque_max"] = wheels.max_torque
+        write_gate(row["gate"], prior, self.gate_distance)
+        adaptation = row["adaptation"]
         adaptation["on"] = self.adaptive
         for name in ("inertia_walk", "inertia_walk_min", "inertia_walk_max", "log_q_drift"):
             adaptation[name] = getattr(self, name)
-        if self.gate > 0.0 and prior.sensors.are_timed:
-            raise ValueError(
-                "the gate of a MomentumEKF takes gyro and tachometers as read at one instant: use gate=0, or sensors "
-                "that neither integrate nor count, without delay"
-            )
         modes = self.mode_count(prior)
         if modes > 0:
             write_modes(row["modes"], prior, first=6 + p)

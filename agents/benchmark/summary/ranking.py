@@ -1,7 +1,8 @@
 """Ranking of the policies of a comparison, cell by cell.
 
-A policy keeps to the envelope, of rates and wheel speeds, if it is beyond it for at most 1 % of the time. Only those
-that do are ranked and compared with. A group in which none does has no best, and no policy is compared with it.
+A policy keeps to the limits if it is beyond the envelope, of rates and wheel speeds, for at most 1 % of the time, and
+beyond what else has a limit, panels, tanks and payload, for at most 1 % more. Only those that do are ranked and
+compared with. A group in which none does has no best, and no policy is compared with it.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ Record = Mapping[str, Any]
 
 
 def keeps_envelope(record: Record, most: float = BEYOND_MAX) -> bool:
-    """Whether a policy is beyond the envelope for at most a share of the time; only then is it ranked."""
-    return beyond_envelope(record["outside_fraction"], record["saturated_fraction"]) <= most
+    """Whether a policy is beyond the envelope, and beyond all other limits, for at most a share of the time each."""
+    outside, saturated = record["outside_fraction"], record["saturated_fraction"]
+    others = (record.get("cost") or 0.0) - outside - saturated  # the cost is the largest of all, in each decision
+    return max(beyond_envelope(outside, saturated), others) <= most
 
 
 def inside(records: Sequence[Record]) -> list[Record]:

@@ -72,7 +72,7 @@ def alignment_dtype(n: int, lines: int) -> np.dtype:
 
 @outline
 def start(belief, gyro, tachometer):
-    """Take the first readings for all before them too."""
+    """Take the first readings for all before them too, but with a gate that of the gyro, which may be an outlier."""
     s = belief.alignment
     if s.on == 0:
         return
@@ -86,7 +86,7 @@ def start(belief, gyro, tachometer):
         store(s.push_line[line], (0.0, 0.0, 0.0))
     for line in range(LINE):
         store(s.gyro_line[line], load(gyro))
-        s.gyro_valid[line] = 1
+        s.gyro_valid[line] = 1 if line == 0 or belief.gate.threshold == 0.0 else 0
         for k in range(tachometer.shape[0]):
             s.wheel_line[line, k] = tachometer[k]
     s.mixed = 0
@@ -161,9 +161,14 @@ def _shift_noise(belief):
             covariance[first + i, first + j] = s.noise_covariance[i, j]
 
 
-@outline
+@inline
 def take_gyro(belief, gyro, valid):
     """Take in a reading (3,), valid: 1; whether all that have a weight are valid, and of one inertia."""
+    return valid != 0 if belief.alignment.on == 0 else _align_gyro(belief, gyro, valid)
+
+
+@outline
+def _align_gyro(belief, gyro, valid):
     s = belief.alignment
     for line in range(LINE - 1, 0, -1):
         store(s.gyro_line[line], load(s.gyro_line[line - 1]))

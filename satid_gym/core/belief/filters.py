@@ -11,6 +11,7 @@ from satid_gym.core.algebra import load
 from satid_gym.core.belief import (
     alignment,
     calibration,
+    gating,
     modes,
     momentum_filter,
     momentum_start,
@@ -57,8 +58,10 @@ def condition(belief, work, gyro, tachometer):
     if belief.gate.threshold == 0.0:
         belief.coasting = 0
     if belief.kind == _MOMENTUM:
-        nis = 0.0
-        if belief.alignment.on == 0 or alignment.take_gyro(belief, gyro, 1):
+        nis, fresh = 0.0, 1
+        if belief.gate.threshold > 0.0 and gating.note_repeat(belief, gyro):
+            fresh = 0
+        if alignment.take_gyro(belief, gyro, fresh):
             nis = momentum_filter.condition(belief, work, gyro) / 3.0
         _take_what_waited(belief, work)
         return nis
@@ -73,8 +76,7 @@ def condition_wheels(belief, work, tachometer):
     """
     belief.coasting = 1
     if belief.kind == _MOMENTUM:
-        if belief.alignment.on != 0:
-            alignment.take_gyro(belief, belief.reference_rate, 0)
+        alignment.take_gyro(belief, belief.reference_rate, 0)
         _take_what_waited(belief, work)
         return 0.0
     return rate_filter.condition_wheels(belief, work, tachometer) / tachometer.shape[0]
@@ -122,7 +124,7 @@ def rate_used(belief, gyro):
 @inline
 def wheel_speed_used(belief, tachometer, k):
     """Reading of wheel k's tachometer, rad/s, or the filter's own speed where that is stuck."""
-    return tachometer[k] if belief.stuck[k] == 0 else belief.speed[k]
+    return tachometer[k] if belief.stuck[k] == 0 else belief.gate.speed[k]
 
 
 @inline

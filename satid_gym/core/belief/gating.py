@@ -1,11 +1,12 @@
 """Gating: validation of the readings of gyro, tachometers and star tracker before the MomentumEKF uses them.
 
 A reading of a noisy sensor that equals the last one to the bit is repeated, not new; without noise a body at rest
-repeats its readings rightly. A reading of gyro or star tracker whose normalised innovation squared is beyond the gate
-is rejected. The third of the gyro's in a row is accepted, for then the model is wrong: the inertia has changed, or the
-reading that M was started with was an outlier. In both cases the attitude begins again with the star tracker's next
-reading. It also does with the third of these that is rejected in a row, of which theta is told nothing. Where no
-reading of the gyro is accepted the filter coasts: it propagates only.
+repeats its readings rightly, and so may an encoder (`tachometers`). A reading of gyro or star tracker whose normalised
+innovation squared is beyond the gate is rejected. The third of the gyro's in a row is accepted, for then the model is
+wrong: the inertia has changed, or the reading that M was started with was an outlier. Where several aligned readings
+share each outlier (`spread`) two outliers need not be enough either. In both cases the attitude begins again with the
+star tracker's next reading. It also does with the third of these that is rejected in a row, of which theta is told
+nothing. Where no reading of the gyro is accepted the filter coasts: it propagates only.
 
 What a wheel does whose tachometer is stuck, `unmeasured` says. After an outage of the gyro as well nobody knows how the
 body turns, so M is reinitialised when both are back. Without a gyro for a second, or without M, no reading shows a step
@@ -21,7 +22,8 @@ import functools
 import numpy as np
 
 from satid_gym.core.algebra import dot, inverse, load, multiply, store
-from satid_gym.core.belief.unmeasured import RECOVERED, STUCK, is_any_stuck, shift
+from satid_gym.core.belief import tachometers
+from satid_gym.core.belief.unmeasured import is_any_stuck
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
@@ -39,12 +41,19 @@ def gate_dtype(n: int) -> np.dtype:
         [
             ("threshold", FLOAT),  # normalised innovation squared beyond which a reading is rejected; 0: no gate
             ("gyro_noisy", INT),  # 0: the gyro is said to have no noise
+            ("spread", INT),  # aligned readings that one reading of the gyro is part of, less one
             ("torque_max", FLOAT, n),
+            ("slack", FLOAT, n),  # change of wheel speed that commands may make while its reading rightly repeats
+            ("suspect", FLOAT, n),  # the same, where readings of the gyro are rejected since the reading repeats
             ("rejections", INT),  # in a row
             ("since_rejection", INT),  # samples since the first of them; void without one
             ("confirmed", INT),  # 1: a reading has agreed with the one that M was started with
             ("last_gyro", FLOAT, 3),
             ("last_speed", FLOAT, n),  # of the tachometers
+            ("unseen", FLOAT, n),  # change of wheel speed that commands should have made since the reading changed
+            ("repeats", INT, n),  # of that reading in a row
+            ("doubted", INT, n),  # 1: it is stuck if it repeats once more
+            ("speed", FLOAT, n),  # as read, or of a wheel whose tachometer is stuck as it follows its command
             ("silent", INT),  # samples in a row without a reading of the gyro that was accepted
             ("outage", INT),  # samples for which neither the gyro nor a stuck tachometer gave a new reading
         ],
@@ -58,35 +67,21 @@ def begin(belief, gyro, tachometer):
     belief.gate.confirmed = 0
     store(belief.gate.last_gyro, load(gyro))
     for k in range(tachometer.shape[0]):
-        belief.gate.last_speed[k] = belief.speed[k] = tachometer[k]
+        belief.gate.last_speed[k] = belief.gate.speed[k] = belief.speed[k] = tachometer[k]
+        belief.gate.unseen[k], belief.gate.repeats[k], belief.gate.doubted[k] = 0.0, 0, 0
 
 
 @inline
 def gate_tachometers(belief, tachometer, torque, dt):
-    """Write to belief.speed the wheel speeds (n,) that the filter uses, to belief.stuck the state of the tachometers.
-
-    A wheel without tachometer is taken to follow the commanded `torque` (n,).
-    """
-    belief.gate.silent = belief.gate.silent + 1 if belief.coasting != 0 else 0
-    unobserved = False
-    for k in range(tachometer.shape[0]):
-        unobserved = unobserved or (belief.stuck[k] == STUCK and belief.coasting != 0)
-        repeated = tachometer[k] == belief.gate.last_speed[k] and belief.tachometer_std > 0.0
-        belief.gate.last_speed[k] = tachometer[k]
-        if repeated:
-            belief.speed[k] += torque[k] * dt / belief.wheel_inertia[k]
-            belief.stuck[k] = STUCK
-        else:
-            if belief.stuck[k] == STUCK:
-                shift(belief, k, belief.wheel_inertia[k] * (tachometer[k] - belief.speed[k]))
-            belief.speed[k] = tachometer[k]
-            belief.stuck[k] = RECOVERED if belief.stuck[k] == STUCK else 0
-    if unobserved:
-        belief.gate.outage += 1
-    elif belief.gate.outage <= _OUTAGE_MAX:
-        belief.gate.outage = 0
-    belief.coasting = 1  # until a gyro reading is accepted
-    belief.gate.since_rejection += 1
+    """Take in the tachometers' readings (n,), see `tachometers.take`; until a gyro reading is accepted it coasts."""
+    gate = belief.gate
+    gate.silent = gate.silent + 1 if belief.coasting != 0 else 0
+    if tachometers.take(belief, tachometer, torque, dt):
+        gate.outage += 1
+    elif gate.outage <= _OUTAGE_MAX:
+        gate.outage = 0
+    belief.coasting = 1
+    gate.since_rejection += 1
 
 
 @inline
@@ -166,10 +161,13 @@ def validate(belief, work):
     if belief.gate.rejections == 0:
         belief.gate.since_rejection = 1  # the change came at the beginning of this sample
     belief.gate.rejections += 1
-    if belief.gate.rejections > _REJECTIONS_MAX:
+    if belief.gate.rejections > _REJECTIONS_MAX * (1 + belief.gate.spread):
         if belief.gate.confirmed == 0:
             return REINITIALISE
         belief.gate.rejections = 0
+        if tachometers.doubt_repeats(belief):
+            belief.rejected += 1
+            return nis
         _inflate(belief, work, belief.theta_scale.shape[0])
         return STEPPED
     belief.rejected += 1

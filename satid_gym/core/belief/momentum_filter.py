@@ -53,6 +53,7 @@ def predict(belief, work, tachometer, dt):
     gated, holds = belief.gate.threshold > 0.0, False
     if gated:
         gating.gate_tachometers(belief, tachometer, work.torque, dt)
+        alignment.take_wheels(belief, belief.gate.speed, work.torque, dt)
         holds = unmeasured.is_any_stuck(belief)
     else:
         alignment.take_wheels(belief, tachometer, work.torque, dt)
@@ -139,8 +140,6 @@ def condition(belief, work, gyro):
     Source: Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method (1993).
     """
     gated = belief.gate.threshold > 0.0
-    if gated and gating.note_repeat(belief, gyro):
-        return 0.0
     momentum_model.linearise(belief, work, gyro)
     if gated:
         decision = gating.REINITIALISE
@@ -151,7 +150,8 @@ def condition(belief, work, gyro):
         if decision != gating.ACCEPTED and belief.attitude.on != 0:
             attitude.forget(belief)  # it turned at a rate that was wrong
         if decision == gating.REINITIALISE:
-            start_momentum(belief, work, gyro)
+            store(work.innovation, alignment.aligned_gyro(belief, gyro))
+            start_momentum(belief, work, work.innovation)
             belief.coasting = belief.gate.confirmed = belief.gate.rejections = 0
             return 0.0
         if decision == gating.STEPPED and belief.adaptation.on != 0:

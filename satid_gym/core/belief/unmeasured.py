@@ -24,7 +24,11 @@ _PARALLEL = 1e-12  # square of the sine of an angle between axes
 @inline
 def shift(belief, k, spin):
     """Add `spin` N m s about the axis of wheel k to M and to A j Omega; M - A j Omega stays."""
-    axis = wheel_axis(belief.axes, k)
+    axis, change = wheel_axis(belief.axes, k), spin / belief.wheel_inertia[k]
+    belief.speed[k] += change
+    belief.gate.speed[k] += change
+    for line in range(belief.alignment.wheel_line.shape[0]):
+        belief.alignment.wheel_line[line, k] += change
     store(belief.mean, axpy(spin, axis, load(belief.mean)))
     store(belief.wheel_input, axpy(spin, axis, load(belief.wheel_input)))
 
@@ -101,4 +105,3 @@ def follow(belief, momentum):
         if belief.stuck[k] == STUCK:
             spin = -along_axis(belief.axes, k, subtract(load(belief.mean), momentum))
             shift(belief, k, spin)
-            belief.speed[k] += spin / belief.wheel_inertia[k]

@@ -23,8 +23,9 @@ FILE_SIZE_MAX = 64 * 2**20  # bytes of a policy's file; the shipped ones have a 
 _OTHERS = ("format", "activation", "squashed", "sha256")  # what the JSON file has in addition to settings and details
 
 
-def write_policy(path: Path, settings: Mapping[str, Any], network: Network, details: Mapping[str, Any]) -> None:
+def write_policy(path: Path | str, settings: Mapping[str, Any], network: Network, details: Mapping[str, Any]) -> None:
     """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
+    path = Path(path)
     tensors = save({name: np.ascontiguousarray(v) for name, v in network.tensors().items()})
     last = {"activation": network.activation, "squashed": network.squashed}
     head = {"format": FORMAT, **settings, **last, "sha256": hashlib.sha256(tensors).hexdigest()}
@@ -32,13 +33,14 @@ def write_policy(path: Path, settings: Mapping[str, Any], network: Network, deta
     write_text(_with_ending(path, ".json"), json.dumps({**head, **details}, indent=2) + "\n")
 
 
-def files_of(path: Path) -> tuple[Path, Path]:
+def files_of(path: Path | str) -> tuple[Path, Path]:
     """Files of network and settings; `path` with or without an ending."""
+    path = Path(path)
     base = path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
     return _with_ending(base, ".safetensors"), _with_ending(base, ".json")
 
 
-def read_policy(path: Path, settings: Sequence[str]) -> tuple[dict[str, Any], Network, dict[str, Any]]:
+def read_policy(path: Path | str, settings: Sequence[str]) -> tuple[dict[str, Any], Network, dict[str, Any]]:
     """Settings of these names, network and details from the files that `write_policy` wrote.
 
     Args:

@@ -191,12 +191,12 @@ class LearnedPolicy:
         """Name and settings, of which with the network a policy is made."""
         return {name: getattr(self, name) for name in _OWN}
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write `path`.safetensors and `path`.json, each atomically; the second has the first's checksum."""
         write_policy(path, self.settings, self.network, self.details)
 
     @classmethod
-    def load(cls, path: Path) -> LearnedPolicy:
+    def load(cls, path: Path | str) -> LearnedPolicy:
         """Policy from the files that `save` wrote; `path` with or without an ending.
 
         Raises:

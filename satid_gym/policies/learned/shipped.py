@@ -47,6 +47,11 @@ def find(policy: str | Path) -> LearnedPolicy:
     try:
         found = LearnedPolicy.load(path / "policy" if path.is_dir() else path)
     except FileNotFoundError as error:
+        if path.suffix == ".zip" and path.is_file():
+            raise ValueError(
+                f"{path} is a model of Stable-Baselines3: make a policy of it by "
+                "satid_gym.policies.learned.from_sb3.learned_policy(model, name).save(path)"
+            ) from error
         raise unknown_name("policy (no such file either)", policy, [*names(), *rate_names()]) from error
     if name is not None:
         check_name(name)
