@@ -151,6 +151,10 @@ REFUSED = {
     "no satellite": (lambda: problem([]), "satellite must be a name"),
     "inertia": (lambda: problem(inertia="peroidic"), "unknown inertia mode 'peroidic'.*mean 'periodic'?"),
     "scenario": (lambda: problem(scenario="papre"), "unknown scenario 'papre'.*Did you mean 'paper'?"),
+    "scenario's name": (
+        lambda: problem(scenario={"name": "flexx", "horizon": 60.0}),
+        "scenario 'flexx' is named almost like 'flex': say which one its settings change, by base=\"flex\"",
+    ),
     "scenario's setting": (
         lambda: problem(scenario={"horizn": 1.0}),
         "unknown setting of Scenario 'horizn'.*'horizon'",

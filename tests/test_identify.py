@@ -179,6 +179,12 @@ def test_tachometer_faults_are_left_out_and_named():
     assert "tachometer fault" in note
 
 
+def test_the_same_flight_twice_is_refused():
+    _, log = clean()
+    with pytest.raises(ValueError, match="hold the same readings: give each flight once"):
+        identify([log, dataclasses.replace(log, name="copy")], CUBESAT)
+
+
 def test_spikes_are_left_out_before_the_fit_and_said():
     """A tachometer's 1e4 rad/s for what was lost, on up to three rows, and a gyro's spikes."""
     truth, log = clean(2)

@@ -5,6 +5,7 @@ import dataclasses
 import io
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from satid_gym.manoeuvres.feasibility import least_std
 from satid_gym.manoeuvres.notes import remarks
 from satid_gym.manoeuvres.page import page
 from satid_gym.manoeuvres.pointing import attitudes, separations, turned
+from satid_gym.manoeuvres.rivals import rivals
 from satid_gym.manoeuvres.search import manoeuvres, settling
 from satid_gym.manoeuvres.trial import fly_side_by_side
 from satid_gym.manoeuvres.waves import SIZE, Authority, Waves
@@ -91,6 +93,21 @@ def test_a_mode_whose_period_divides_the_window_is_left_at_rest():
         ringing[turns] = np.ptp(flown.deflection[time > 62.0])
         assert np.ptp(flown.deflection) > 1e-3
     assert ringing[2.0] < 0.05 * ringing[2.5]
+
+
+def test_rivals_with_which_the_filter_breaks_down_are_left_out_and_told(monkeypatch):
+    broken, said = ("sine", "chirp"), []
+
+    def flown(world, policies, seeds, keep_outs=()):
+        if any(policy.name in broken for policy in policies):
+            raise FloatingPointError("a filter broke down")
+        return [SimpleNamespace(name=policy.name, expected=1.0, keeps=lambda limit: True) for policy in policies]
+
+    monkeypatch.setattr("satid_gym.manoeuvres.rivals.fly_side_by_side", flown)
+    posed = problem("microsat", "static", control="rate")
+    names = [trial.name for trial in rivals(posed, Request(duration=60.0), Effort(), said.append)]
+    assert names == [*(name for name in PROFILES if name not in broken), "rate_square"]
+    assert any("left out 26 settings of the paper's eight profiles" in line for line in said)
 
 
 @cases(("period", "bandwidth"), [(1.0, 1.0), (3.0, 1.0), (10.0, 1.0), (1.0, 0.3)])
@@ -360,7 +377,7 @@ def test_a_changed_data_sheet_is_told_and_a_file_without_one_flies_any(written, 
     kept = json.loads((written[0] / "design.json").read_text())
     (tmp_path / "old.json").write_text(json.dumps({name: kept[name] for name in ("manoeuvre", "control")}))
     old = ManoeuvrePolicy.read(tmp_path / "old.json")
-    assert (old.sheet, old.changes(MICROSAT)) == (None, [])
+    assert (old.sheet, old.doubt(MICROSAT)) == (None, "")
     Pilot(SATELLITES["cubesat"].replace(rate_limit=1.0), old, control="rate")
 
 

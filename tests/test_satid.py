@@ -176,7 +176,7 @@ def test_a_network_that_does_not_fit_is_refused_with_what_can_add_numbers(tmp_pa
     assert main(["fly", "--satellite", str(path), "--policy", "universal", "--control", "rate"]) == 2
     error = capsys.readouterr().err
     assert "tolerances, panels, tanks and a star tracker in the data sheet add numbers too" in error
-    assert error.endswith("rate_square flies any satellite\n")
+    assert error.endswith("rate_square, with --control rate, flies any satellite\n")
 
 
 def test_rate_square_flies_a_satellite_that_it_was_not_tuned_for(flight, capsys):
@@ -185,7 +185,7 @@ def test_rate_square_flies_a_satellite_that_it_was_not_tuned_for(flight, capsys)
     assert shown[0] == "threeu, rate_square, seed 0"
     assert float(shown[-1].split()[2].rstrip("%")) < 1.0
     assert main(["fly", "--satellite", str(flight / "sat.json"), "--policy", "sine"]) == 2
-    assert "rate_square flies any satellite" in capsys.readouterr().err
+    assert "--control rate), flies any satellite" in capsys.readouterr().err
 
 
 def test_fly_writes_picture_video_and_page(tmp_path, monkeypatch, capsys):

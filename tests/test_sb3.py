@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.callbacks import EvalCallback
@@ -80,6 +81,9 @@ def test_the_last_info_has_the_mean_costs_of_the_episode():
         _, _, _, _, expected = vector.step(actions)
         for i in range(3):
             costs = (expected["final_info"] if dones[i] else expected)["costs"]
+            assert {name: values[i] for name, values in adapter.costs.items()} == {
+                name: costs[name][i] for name in COSTS
+            }
             flown[i].append([costs[name][i] for name in COSTS])
             if dones[i]:
                 np.testing.assert_allclose(list(infos[i]["costs"].values()), np.mean(flown[i], axis=0), rtol=1e-12)
@@ -90,6 +94,15 @@ def test_the_last_info_has_the_mean_costs_of_the_episode():
             adapter.reset()
             adapter.restore(state)
     assert ends >= 2
+
+
+def test_rate_commands_before_reset_and_of_another_shape_are_refused():
+    env = RateCommandVecEnv(4, satellite="microsat")
+    with pytest.raises(ResetNeeded, match=r"call reset\(\)"):
+        env.step(np.zeros((4, 3)))
+    env.reset()
+    with pytest.raises(ValueError, match=r"actions must have shape \(4, 3\), got \(3, 3\)"):
+        env.step(np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize("bootstrap", [True, False])
@@ -209,7 +222,7 @@ def test_a_model_is_a_policy_that_flies_as_it_was_trained(algorithm, adapter, se
     env = adapter(4, satellite="microsat", inertia="static")
     model = trained(algorithm, env, **settings)
     policy = learned_policy(model, "mine")
-    policy.save(tmp_path / "mine")
+    policy.save(str(tmp_path / "mine"))
     policy = find(str(tmp_path / "mine"))
     problem = env.vector_env.problem
     assert policy.observation == problem.observation
@@ -231,6 +244,8 @@ def test_a_model_is_a_policy_that_flies_as_it_was_trained(algorithm, adapter, se
 def test_a_model_that_is_no_policy_is_refused(tmp_path):
     env, untold = SatInertiaIDVecEnv(2, satellite="microsat"), tmp_path / "model.zip"
     trained(PPO, env, n_steps=50).save(untold)
+    with pytest.raises(ValueError, match=r"model.zip is a model of Stable-Baselines3: make a policy of it"):
+        find(str(untold))
     for make, message in [
         (lambda: trained(PPO, VecNormalize(env), n_steps=50), "VecNormalize changes the observations"),
         (lambda: trained(PPO, VecFrameStack(env, 2), n_steps=50), "VecFrameStack changes the observations"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents.benchmark.summary.ranking import standings
+from agents.benchmark.summary.ranking import ranks, standings
 from agents.docs import readme, results_tables, reward_figure
 from tests.cases import cases
 
@@ -122,3 +122,10 @@ def test_a_figure_can_be_drawn(tmp_path):
     reward_figure.draw(comparison(), tmp_path / "ranks.png")
     with Image.open(tmp_path / "ranks.png") as picture:
         assert picture.info["Source"].startswith(COMMAND)
+
+
+@cases(("cost", "place"), [(0.008, 1), (0.03, None)])
+def test_a_policy_beyond_the_limit_of_panels_is_not_ranked(cost, place):
+    """The cost is the largest of all in each decision: what it has beyond rates and wheels is of panels."""
+    cell = [record("law", "closed_loop", "static", 0.001), record("bends", "learned", "static", 0.0005, cost=cost)]
+    assert ranks(cell).get("bends") == place

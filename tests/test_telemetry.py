@@ -149,6 +149,25 @@ def test_gaps_lost_cells_and_repeated_stamps_are_kept_apart_and_said(tmp_path):
         assert note in log.notes
 
 
+def test_a_sensor_that_is_stuck_is_left_out_there_and_one_that_is_coarse_is_not(tmp_path):
+    rng, time = np.random.default_rng(1), np.arange(200.0)
+    rate, speed = rng.normal(size=(200, 3)), rng.normal(size=(200, 3))
+    speed[80:140, 2] = speed[80, 2]
+    head = ["t", "gx", "gy", "gz", "w1", "w2", "w3"]
+    log = read_log(write(tmp_path / "stuck.csv", head, np.column_stack([time, rate, speed])))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.wheel_speed[:, 2])), np.arange(80, 140))
+    assert np.isfinite(log.wheel_speed[:, :2]).all()
+    assert any("column 3 of wheel_speed repeats" in note and "from 80 to 139 s" in note for note in log.notes)
+    speed[:, 2] = 7.0
+    log = read_log(write(tmp_path / "always.csv", head, np.column_stack([time, rate, speed])))
+    assert np.isfinite(log.wheel_speed).all()
+    assert any("the whole flight: is that sensor stuck?" in note for note in log.notes)
+    coarse = np.repeat(rng.normal(size=(40, 3)), 5, axis=0)
+    coarse[80:140] = coarse[80]
+    log = read_log(write(tmp_path / "coarse.csv", head, np.column_stack([time, rate, coarse])))
+    assert np.isfinite(log.wheel_speed).all()
+
+
 def test_channels_with_stamps_of_their_own_are_brought_to_the_gyros_and_not_across_gaps(tmp_path):
     """Rates at 10 Hz; wheel speeds at 4 Hz, linear in time, that pause for 3 s."""
     fast, slow = np.arange(0.0, 10.0, 0.1), np.arange(0.05, 10.0, 0.25)

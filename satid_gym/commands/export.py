@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from satid_gym.commands.words import HelpFormatter
 from satid_gym.files import check_writable
 from satid_gym.flightcode import write
 from satid_gym.flightcode.measure import measures
+from satid_gym.manoeuvres.policy import ManoeuvrePolicy
 from satid_gym.onboard.choice import check_control
 from satid_gym.onboard.pilot import Pilot
 from satid_gym.problem import CONTROLS
@@ -64,6 +66,8 @@ def run(given: argparse.Namespace) -> int:
         patience=given.patience,
         seed=given.seed,
     )
+    if isinstance(pilot.policy, ManoeuvrePolicy) and (doubt := pilot.policy.doubt(pilot.mission.satellite)):
+        print(f"note: {doubt}", file=sys.stderr)
     names = write(given.output, pilot)
     print(f"written to {given.output}: {', '.join(names)}")
     if given.measure:

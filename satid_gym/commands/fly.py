@@ -96,10 +96,9 @@ def run(given: argparse.Namespace) -> int:
     except ValueError as error:
         if not isinstance(policy, LearnedPolicy):
             raise
-        raise ValueError(f"{error}; rate_square flies any satellite") from error
-    if isinstance(policy, ManoeuvrePolicy) and (changes := policy.changes(mission.satellite)):
-        told = f"designed for another data sheet of {mission.satellite.name}; here differ: {', '.join(changes)}"
-        print(f"note: {told}", file=sys.stderr)
+        raise ValueError(f"{error}; rate_square, with --control rate, flies any satellite") from error
+    if isinstance(policy, ManoeuvrePolicy) and (doubt := policy.doubt(mission.satellite)):
+        print(f"note: {doubt}", file=sys.stderr)
     title = f"{mission.satellite.name}, {policy.name}, seed {given.seed}"
     print(title)
     frames: list[np.ndarray] = []

@@ -92,7 +92,7 @@ def identify(
     Raises:
         NotIdentifiedError: the logs identify none of the moments of inertia; the message says why.
         SlipError: units, signs, axes or quaternions contradict the satellite; the message names the slip.
-        ValueError: the number of wheels does not match, or an argument is not valid.
+        ValueError: the number of wheels does not match, a flight is there twice, or an argument is not valid.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     found = resolve_satellites(satellite)
@@ -105,6 +105,7 @@ def identify(
                 f"{log.name} has {log.wheel_speed.shape[1]} wheel speeds where satellite {own.name} has "
                 f"{own.wheels.count} wheels; name the columns of its wheels, or its wheels' axes"
             )
+    _check_distinct(logs)
     sizes = theta_sizes(own)
     _check_windows(logs, window)
     logs, faults = without_spikes(logs, own)
@@ -199,6 +200,14 @@ def _nothing(fit: Fit, covariance: np.ndarray, sizes: np.ndarray, satellite: Sat
         f"the logs do not identify the inertia: {', '.join(found)} of signal; expected less than {STD_MAX} of the "
         f"nominal size and more than {SIGNAL_MIN * satellite.gyro_noise_std:.2g} rad/s: turn more"
     )
+
+
+def _check_distinct(logs: Sequence[Log]) -> None:
+    """Refuse the same readings twice: they would count as twice as many."""
+    for i, log in enumerate(logs):
+        for other in logs[:i]:
+            if len(log) == len(other) and np.array_equal(log.rate, other.rate, equal_nan=True):
+                raise ValueError(f"{other.name} and {log.name} hold the same readings: give each flight once")
 
 
 def _check_windows(logs: Sequence[Log], window: float) -> None:

@@ -60,12 +60,13 @@ class ManoeuvrePolicy:
             raise DamagedFileError(f"{path} holds no manoeuvre ({error}): {_REMEDY}") from error
         return cls(plan, whole["control"], sheet)
 
-    def changes(self, satellite: Satellite) -> list[str]:
-        """Entries of the data sheet that it was designed for and that differ from a satellite's."""
+    def doubt(self, satellite: Satellite) -> str:
+        """What differs in a satellite's data sheet from the one that it was designed for, in a line; "" for nothing."""
         if self.sheet is None:
-            return []
+            return ""
         designed, flown = self.sheet.to_dict(), satellite.to_dict()
-        return [name for name, value in flown.items() if value != designed[name]]
+        changes = ", ".join(name for name, value in flown.items() if value != designed[name])
+        return f"designed for another data sheet of {satellite.name}; here differ: {changes}" if changes else ""
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the commands.

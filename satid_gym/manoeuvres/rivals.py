@@ -1,17 +1,18 @@
 """Rivals of a manoeuvre on the same satellite: the paper's eight profiles and the closed loops at their best.
 
 Each is flown with several settings on tuning seeds; the best that keeps the limits is a rival, else the one that
-leaves them least.
+leaves them least. Settings with which the filter breaks down in a flight, as it may where excitation is weak, are left
+out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from satid_gym.evaluation import seeds
-from satid_gym.manoeuvres.request import Request
+from satid_gym.manoeuvres.request import KeepOut, Request
 from satid_gym.manoeuvres.search import SLACK, Effort, Progress
 from satid_gym.manoeuvres.trial import Trial, fly_side_by_side
 from satid_gym.policies.rate_square import RateSquarePolicy
@@ -45,12 +46,31 @@ def rivals(problem: Problem, request: Request, effort: Effort, progress: Progres
         families.append(("shaped squares of rate", _shaped(), shaped))
     for what, family, world in families:
         progress(f"comparing with {what}")
-        best = []
+        best, failed = [], 0
         for choices in family:  # one after another, for the memory of many long flights
-            trials = fly_side_by_side(world, choices, seeds("tuning", _TUNING * effort.episodes))
-            best.append(choices[_best(trials, request.cost_limit)])
-        chosen += fly_side_by_side(world, best, seeds("test", effort.flights), request.keep_outs)
+            kept, trials = _flown(world, choices, seeds("tuning", _TUNING * effort.episodes))
+            failed += len(choices) - len(kept)
+            if kept:
+                best.append(kept[_best(trials, request.cost_limit)])
+        kept, trials = _flown(world, best, seeds("test", effort.flights), request.keep_outs)
+        failed += len(best) - len(kept)
+        if failed:
+            progress(f"left out {failed} settings of {what}, with which the filter broke down in a flight")
+        chosen += trials
     return chosen
+
+
+def _flown(
+    world: Problem, choices: list[Policy], flown: list[int], keep_outs: Sequence[KeepOut] = ()
+) -> tuple[list[Policy], list[Trial]]:
+    """Those choices with which no filter breaks down, and their trials."""
+    try:
+        return choices, fly_side_by_side(world, choices, flown, keep_outs) if choices else []
+    except FloatingPointError:
+        if len(choices) == 1:
+            return [], []
+    parts = [_flown(world, [choice], flown, keep_outs) for choice in choices]
+    return [kept for some, _ in parts for kept in some], [trial for _, some in parts for trial in some]
 
 
 def _best(trials: list[Trial], limit: float) -> int:

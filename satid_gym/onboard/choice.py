@@ -41,7 +41,9 @@ def policy_by_name(name: str, satellite: Satellite, scenario: Scenario) -> Polic
         except NotPreparedError as error:
             if name == RateSquarePolicy.name:
                 return untuned_rate_square(satellite, scenario.horizon)
-            raise ValueError(f"{error}; rate_square flies any satellite") from error
+            raise ValueError(
+                f'{error}; rate_square, with control="rate" (satid: --control rate), flies any satellite'
+            ) from error
     try:
         return find_any(name)
     except ValueError as error:

@@ -17,6 +17,8 @@ from satid_gym.telemetry.units import ALLOWED, ORDERS, factor
 
 PathText = str | PathLike[str]
 Columns = Mapping[str, str | Sequence[str]]
+_STUCK_MIN = 20  # rows that a sensor does not repeat by chance
+_REPEATS_MAX = 0.05  # share of all other rows in which a reading repeats: with more it is a coarse sensor
 
 
 def read_log(
@@ -26,7 +28,8 @@ def read_log(
 
     Units are taken from `units`, else from cells ("4.65 °/s") or headers ("gx [deg/s]", "w1_rpm"), else they are SI.
     Time may be in seconds of any clock or in dates. Rows without a stamp and rows whose stamp was there before are left
-    out, rows are sorted by time, and a channel with stamps of its own is interpolated to the gyro's, not across gaps.
+    out, rows are sorted by time, and a channel with stamps of its own is interpolated to the gyro's, not across gaps. A
+    reading of gyro or wheel that repeats for long, and hardly ever else, is taken to be stuck and left out.
 
     Args:
         paths: one file, several files of one flight, or a folder of them.
@@ -192,6 +195,8 @@ def _ordered(time: np.ndarray, channels: Mapping[str, np.ndarray], name: str, no
         kept["attitude"] = np.where(
             np.abs(norm - 1.0) < 0.1, kept["attitude"] / np.where(norm > 0.0, norm, 1.0), np.nan
         )
+    for role in ("rate", "wheel_speed"):
+        _leave_out_stuck(role, kept[role], time[keep], notes)
     log = Log(time=time[keep], name=name, **kept)
     lost = int((~np.isfinite(np.hstack([log.rate, log.wheel_speed])).all(axis=1)).sum())
     if lost:
@@ -199,3 +204,21 @@ def _ordered(time: np.ndarray, channels: Mapping[str, np.ndarray], name: str, no
     if log.gaps:
         notes.append(f"{len(log.gaps)} gaps, the longest of {max(gap for _, gap in log.gaps):.3g} s")
     return replace(log, notes=tuple(notes))
+
+
+def _leave_out_stuck(role: str, values: np.ndarray, time: np.ndarray, notes: list[str]) -> None:
+    """Take out of a channel (T, n) the longest stretch in which a column repeats its value, if else it hardly does."""
+    for k, column in enumerate(values.T):
+        ends = np.concatenate([[-1], np.flatnonzero(np.diff(column) != 0.0), [len(column) - 1]])
+        longest = int(np.argmax(np.diff(ends)))
+        first, last = ends[longest] + 1, ends[longest + 1]
+        repeats = len(column) - (len(ends) - 1) - (last - first)  # outside of it
+        others = len(column) - (last - first + 1)
+        if last - first + 1 < _STUCK_MIN or (others and repeats > _REPEATS_MAX * others):
+            continue
+        said = f"column {k + 1} of {role} repeats {column[first]:.6g} from {time[first]:.6g} to {time[last]:.6g} s"
+        if others:
+            notes.append(f"{said}: it is taken to be stuck there, and left out")
+            column[first : last + 1] = np.nan
+        elif column[first] != 0.0:
+            notes.append(f"{said}, the whole flight: is that sensor stuck? If it is, the inertia is wrong")
