@@ -1,11 +1,10 @@
 """Panels and tanks as observed, and how far they will bend under commands of the body rate.
 
 A mode that is excited by an acceleration a of the body swings about eta_0 = -d . a / w^2, a circle of the point
-(eta, deta/dt / w). Rates are foreseen as those of the environment's own loop: a first-order lag, as quick as the
-wheels' torque allows each axis. w is the filter's estimate less some of its standard deviations, for a slower mode
-bends further. Damping, which is small, is left out, and so is the pull of the rotation: in a tour it changes sign
-before a slow tank has followed. Panels do follow it, and are spared by `mode_shaping`, which also has the units of what
-is observed of a mode.
+(eta, deta/dt / w). Rates are foreseen as a first-order lag, as quick as the wheels' torque allows each axis. w is the
+filter's estimate less some of its standard deviations, for a slower mode bends further. Damping, which is small, is
+left out, and so is the pull of the rotation: in a tour it changes sign before a slow tank has followed. Panels do
+follow it, and are spared by `mode_shaping`, which also has the units of what is observed of a mode.
 """
 
 from __future__ import annotations
@@ -20,12 +19,16 @@ from satid_gym.core.algebra import dot, load, multiply
 from satid_gym.core.jit import inline, kernel, outline
 from satid_gym.core.observation import BOUND, MODE_PARTS, MODE_PLACES, observed_std
 from satid_gym.policy import Mission
-from satid_gym.scenario import Scenario
 
 _READ = ("rate", "control_authority", "inertia", "modes", "time_left")  # parts of the observation
 TINY = 1e-12  # of a length, so that none is divided by 0
 _AHEAD = 8  # decisions in which rates settle
 STEPS = 4  # of a decision, in which accelerations are taken to be constant
+
+
+def step_lag(turns: float) -> float:
+    """Share of a commanded change that the rate loop brings in a step; `turns` is its bandwidth times a decision."""
+    return float(1.0 - np.exp(-turns / STEPS))
 
 
 class Modes(NamedTuple):
@@ -95,7 +98,7 @@ class ObservedModes:
         self._share = check_number("share", share, high=1.0, strict=True)
         self._caution = check_number("caution", caution)
         self._layout = first.layout
-        self._lag = step_lag(first.scenario)
+        self._lag = step_lag(first.scenario.tracking_bandwidth * first.scenario.decision_period)
         self._all_moments = np.stack([np.diag(mission.prior.inertia) for mission in missions])
         self._moments = self._all_moments[:1]
         self._sheet = np.zeros((0, 0, 2))  # w T and |d| of the data sheet, (N, modes)
@@ -152,15 +155,9 @@ class ObservedModes:
     def peaks_of_turns(self, modes: Modes, choices: np.ndarray, decisions: int = 1) -> np.ndarray:
         """Largest deflection over its limit, (N, choices), of each held for some decisions, then the gentlest."""
         peaks = np.zeros(choices.shape[:2])
-        if modes.limit.shape[1] == 0:
-            return peaks
-        peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, decisions, peaks)
+        if modes.limit.shape[1] > 0:
+            peaks_of_turns_many(modes, np.ascontiguousarray(choices), self._lag, decisions, peaks)
         return peaks
-
-
-def step_lag(scenario: Scenario) -> float:
-    """Share of a commanded change of the rate that the environment's loop brings in a step."""
-    return float(1.0 - np.exp(-scenario.tracking_bandwidth * scenario.decision_period / STEPS))
 
 
 @inline
@@ -220,8 +217,7 @@ def _peak_if_kept(modes, i, command, lag, rate, swing, enough):
 @inline
 def _copy(rate, swing, own_rate, own_swing):
     """Begin at a rate (3,) and swing (modes, 2)."""
-    for k in range(3):
-        own_rate[k] = rate[k]
+    own_rate[0], own_rate[1], own_rate[2] = rate[0], rate[1], rate[2]
     for m in range(own_swing.shape[0]):
         own_swing[m, 0], own_swing[m, 1] = swing[m, 0], swing[m, 1]
 
@@ -239,8 +235,8 @@ def peaks_many(modes, choices, lag, peaks):
 @kernel
 def peaks_of_turns_many(modes, choices, lag, decisions, peaks):
     """See `ObservedModes.peaks_of_turns`."""
-    turned, turned_swing = np.empty(3), np.empty((modes.swing.shape[1], 2))
-    rate, swing = np.empty(3), np.empty((modes.swing.shape[1], 2))
+    size = modes.swing.shape[1]
+    turned, turned_swing, rate, swing = np.empty(3), np.empty((size, 2)), np.empty(3), np.empty((size, 2))
     for i in range(choices.shape[0]):
         for c in range(choices.shape[1]):
             _copy(modes.rate[i], modes.swing[i], turned, turned_swing)

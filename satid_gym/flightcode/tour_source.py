@@ -76,7 +76,8 @@ def _source(
     source.numbers |= {f"TURN_{name}": number(value) for name, value in numbers.items()}
     if pilot.mission.satellite.modes:
         _read_modes(pilot, source, share, caution)
-        source.numbers |= {"SLOWEST": number(SLOWEST), "LAG": number(step_lag(pilot.problem.scenario))}
+        turns = pilot.problem.scenario.tracking_bandwidth * pilot.problem.scenario.decision_period
+        source.numbers |= {"SLOWEST": number(SLOWEST), "LAG": number(step_lag(turns))}
         kept = any("kept" in name for name in weights)
         takes = {"SHAPED": is_shaped, "PEAK_3": "peak_3" in weights, "PEAK_KEPT": kept}
         source.numbers |= {name: str(int(holds)) for name, holds in takes.items()}

@@ -6,16 +6,14 @@ the wheel speeds Omega averaged with g, are then the same mean of both, whatever
 
     z' = sum_i w_i z_(k-i),   Omega' = sum_i g_i Omega_(k-i),   z' = J^-1 (M - A j Omega') + noise
 
-No weight is needed that both have in common. Neighbouring means share readings, so their noise is correlated; as the
-weights' sum is 1 it has in the long run, where the inertia is learned, the variance of a reading, and is taken as white
-with that. What is unknown of the tachometers' delay, d, is a state: w follows its estimate, and dz'/dd is the change of
-the rate over a sample, J^-1 A u dt as the motors were commanded; readings would bring their noise into it. Without
-commands it is J^-1 (a - a_before), where that is beyond its noise.
+Neighbouring means share readings, so their noise is correlated; as the weights' sum is 1 it has in the long run, where
+the inertia is learned, the variance of a reading, and is taken as white with that. What is unknown of the tachometers'
+delay, d, is a state: w follows its estimate, and dz'/dd is the change of the rate over a sample, J^-1 A u dt as the
+motors were commanded (readings are noisy), and without commands J^-1 (a - a_before), where that is beyond its noise.
 
 An encoder's wheel angle is known to a pulse at each sample's end; the wheel speed is the difference of two, so its
-error is blue: in the long run it is nothing. White noise of the same variance, quantum^2 / (6 dt^2), would leave the
-filter with far too large a covariance. So the angles' errors v, independent from sample to sample, are states, three of
-A j v for each reading that Omega' goes back to:
+error is blue: in the long run it is nothing, and white noise, quantum^2 / (6 dt^2), would be far too much. So the
+angles' errors v, independent from sample to sample, are states, three of A j v for each reading of Omega':
 
     a = A j Omega' - sum_b c_b (A j v_(k-b)) / dt,   c = g * (1, -1)
 
