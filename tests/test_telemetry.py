@@ -157,7 +157,11 @@ def test_a_sensor_that_is_stuck_is_left_out_there_and_one_that_is_coarse_is_not(
     log = read_log(write(tmp_path / "stuck.csv", head, np.column_stack([time, rate, speed])))
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.wheel_speed[:, 2])), np.arange(80, 140))
     assert np.isfinite(log.wheel_speed[:, :2]).all()
-    assert any("column 3 of wheel_speed repeats" in note and "from 80 to 139 s" in note for note in log.notes)
+    assert any("column 3 of wheel_speed repeats" in note and "for 59 s, from row 81 on" in note for note in log.notes)
+    speed[80:140] = 0.0  # wheels at rest
+    log = read_log(write(tmp_path / "rest.csv", head, np.column_stack([time, rate, speed])))
+    assert np.isfinite(log.wheel_speed).all()
+    speed = rng.normal(size=(200, 3))
     speed[:, 2] = 7.0
     log = read_log(write(tmp_path / "always.csv", head, np.column_stack([time, rate, speed])))
     assert np.isfinite(log.wheel_speed).all()

@@ -25,7 +25,7 @@ from satid_gym.scenario_catalogue import SCENARIOS
 
 _OWN = ("turn_gain.h", "turn_gain.c", "corner_features.h", "corner_features.c")
 _SHAPES: tuple[Callable[..., Any], ...] = (bear_many, shape_many, pulled_many)
-_FORECASTS: tuple[Callable[..., Any], ...] = (peaks_of_turns_many, peaks_many, pulled_many)
+_FORECASTS: tuple[Callable[..., Any], ...] = (peaks_of_turns_many, pulled_many)
 
 
 def tour_source(pilot: Pilot, policy: LearnedPolicy | CornerTourPolicy) -> PolicySource:
@@ -81,7 +81,8 @@ def _source(
         kept = any("kept" in name for name in weights)
         takes = {"SHAPED": is_shaped, "PEAK_3": "peak_3" in weights, "PEAK_KEPT": kept}
         source.numbers |= {name: str(int(holds)) for name, holds in takes.items()}
-        source.mode_functions, source.choices = _SHAPES if is_shaped else _FORECASTS, len(CORNERS)
+        functions = _SHAPES if is_shaped else (*_FORECASTS, *[peaks_many] * kept)
+        source.mode_functions, source.choices = functions, len(CORNERS)
     return source
 
 

@@ -207,16 +207,21 @@ def _ordered(time: np.ndarray, channels: Mapping[str, np.ndarray], name: str, no
 
 
 def _leave_out_stuck(role: str, values: np.ndarray, time: np.ndarray, notes: list[str]) -> None:
-    """Take out of a channel (T, n) the longest stretch in which a column repeats its value, if else it hardly does."""
+    """Take out of a channel (T, n) the longest stretch in which a column repeats its value, if else it hardly does.
+
+    Not where all columns repeat theirs: body or wheels are at rest.
+    """
+    rests = (np.diff(values, axis=0) == 0.0).all(axis=1)
     for k, column in enumerate(values.T):
         ends = np.concatenate([[-1], np.flatnonzero(np.diff(column) != 0.0), [len(column) - 1]])
         longest = int(np.argmax(np.diff(ends)))
         first, last = ends[longest] + 1, ends[longest + 1]
         repeats = len(column) - (len(ends) - 1) - (last - first)  # outside of it
         others = len(column) - (last - first + 1)
-        if last - first + 1 < _STUCK_MIN or (others and repeats > _REPEATS_MAX * others):
+        if last - first + 1 - rests[first:last].sum() < _STUCK_MIN or (others and repeats > _REPEATS_MAX * others):
             continue
-        said = f"column {k + 1} of {role} repeats {column[first]:.6g} from {time[first]:.6g} to {time[last]:.6g} s"
+        said = f"column {k + 1} of {role} repeats {column[first]:.6g} for {time[last] - time[first]:.6g} s"
+        said += f", from row {first + 1} on"
         if others:
             notes.append(f"{said}: it is taken to be stuck there, and left out")
             column[first : last + 1] = np.nan
