@@ -35,13 +35,13 @@ test-slow: setup  ## the long lane: kills, browser, training, harnesses, long st
 
 test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (it caps versions of its own)
 	test -x .venv-basilisk/bin/python || $(PYTHON) -m venv .venv-basilisk
-	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-xdist|tyro)=" constraints.txt > .venv-basilisk/constraints.txt
+	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-timeout|pytest-xdist|tyro)=" constraints.txt > .venv-basilisk/constraints.txt
 	.venv-basilisk/bin/python -m pip install --quiet --constraint .venv-basilisk/constraints.txt --editable ".[basilisk]"
 	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
 
 test-reach:  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and Minari, in .venv-reach (they cap versions of their own)
 	test -x .venv-reach/bin/python || $(PYTHON) -m venv .venv-reach
-	grep -E "^(numpy|scipy|numba|llvmlite|torch|stable_baselines3|hypothesis|pytest|pytest-xdist|tyro)=" constraints.txt > .venv-reach/constraints.txt
+	grep -E "^(numpy|scipy|numba|llvmlite|torch|stable_baselines3|hypothesis|pytest|pytest-timeout|pytest-xdist|tyro)=" constraints.txt > .venv-reach/constraints.txt
 	if .venv-reach/bin/python -m pip install --quiet --constraint .venv-reach/constraints.txt --editable ".[reach]" 2> .venv-reach/pip.log; \
 	then .venv-reach/bin/python -m pytest --numprocesses auto --dist loadfile tests/test_reach_*.py; \
 	elif grep "No matching distribution" .venv-reach/pip.log; then echo "test-reach skipped: this registry lacks a package"; \
@@ -50,7 +50,7 @@ test-reach:  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and
 test-lowest:  ## the library with the oldest versions that pyproject.toml allows, in .venv-lowest (not in CI: they do not change)
 	test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet uv
-	VIRTUAL_ENV=.venv-lowest .venv-lowest/bin/uv pip install --quiet --resolution lowest-direct --editable ".[telemetry]" "pytest>=8" "pytest-xdist>=3.6" "hypothesis>=6.100"
+	VIRTUAL_ENV=.venv-lowest .venv-lowest/bin/uv pip install --quiet --resolution lowest-direct --editable ".[telemetry]" "pytest>=8" "pytest-xdist>=3.6" "pytest-timeout>=2.3" "hypothesis>=6.100"
 	NUMBA_CACHE_DIR=$(CURDIR)/.venv-lowest/compiled .venv-lowest/bin/python -m pytest --numprocesses auto --dist loadfile $(LOWEST)
 
 coverage: setup  ## of satid_gym, by the tests that are quick without the compiler (some minutes)

@@ -191,10 +191,11 @@ steady; "keep_out": share of the samples with the payload looking too near the S
 consistent, and 1 where the filter is not monitored (RateEKF, own estimators) |
     | colour | largest variance of smoothed innovations, relative to white noise and to its limit; above 1 it is an \
 alarm |
-    | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter; a \
-periodic inertia can cause it too |
+    | unmodelled | whether the innovations are larger or more coloured than those of a consistent filter, or the \
+estimate of a mode is far from its data sheet; a periodic inertia can cause it too |
     | inflation | factor on the variance of the readings' noise, with the estimator's `inflate`; else 1 |
-    | restarts | times that the filter, where it estimates modes, has restarted after an early alarm |
+    | restarts | times that the filter, where it estimates modes, has restarted after an early alarm or an estimate \
+of a mode far from its data sheet |
     | inertia_walk | the filter's random walk of each moment relative to its prior, per sqrt(s) |
     | steps_found | steps of the inertia that the filter has found so far |
     | faults | (5,) whether a fault acted in the decision, in the order of `satid_gym.faults.FAULTS` |

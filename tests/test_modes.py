@@ -5,16 +5,11 @@ import pytest
 
 from baselines.studies.recording import record
 from satid_gym import SATELLITES, InertiaLaw, Panel, Satellite, Scenario, SloshMass, Tolerances, simulate
-from satid_gym.core.belief.whiteness import RESTARTS_MAX
-from satid_gym.core.observation import MODE_PLACES, observed_std
 from satid_gym.estimators import AdaptiveEKF, FilterpyAdaptiveEKF, FilterpyMomentumEKF, MomentumEKF, MomentumSmoother
 from satid_gym.evaluation import fly, seeds
 from satid_gym.modes import mode_of
-from satid_gym.policies.learned.shipped import find
-from satid_gym.policies.registry import build, make_baseline
-from satid_gym.policy import missions
+from satid_gym.policies.registry import make_baseline
 from satid_gym.scenario import prior_of
-from satid_gym.vector import SatInertiaIDVectorEnv
 from tests.tolerances import ALL
 
 SLOW = pytest.mark.slow  # each state size compiles the kernels again
@@ -157,62 +152,6 @@ def test_it_is_consistent_where_the_data_sheet_tells_of_the_mode(oscillator, unt
 
     assert 0.3 < nees() < 1.6
     assert nees(flexible=False, parameters="full") > untold
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("inflate", [None, False], ids=["restarts", "no restarts"])
-def test_a_frequency_far_from_the_data_sheet_does_not_lead_it_astray(inflate):
-    """It is three standard deviations off. Where knowledge of a frequency never faded, only a restart cured that."""
-    flight = fly(
-        make_baseline("rate_square", "microsat"),
-        satellite=satellite(PANELS),
-        inertia="static",
-        scenario="default",
-        seeds=seeds("validation", 1, offset=50),
-        estimator={"name": "adaptive", "inflate": inflate},
-    )
-    assert flight.scores()["nees"][0] < 2.0
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("satellite", ["cubesat", "microsat", "smallsat"])
-@pytest.mark.parametrize("name", ["sine", "panel_tour"])
-def test_frequencies_do_not_go_astray(satellite, name):
-    """Error over standard deviation of log w in flex after 60 s; without fading 17 to 23 under sine."""
-    policy = find(name) if name == "panel_tour" else build(name, {"amplitude": 0.3})
-    seen = {"observation": "body", "include_covariance": True, "include_walk": True}
-    env = SatInertiaIDVectorEnv(48, satellite, "random", "flex", control="rate", **seen)
-    policy.reset(missions(env.problem)[0], list(range(48)))
-    observation, _ = env.reset(seed=seeds("validation", 48))
-    drawn = env.fleet.rows.plants["oscillators"]
-    true = np.sqrt(drawn["stiffness"][:, 0] / drawn["mass_matrix"][:, 0, 0]) / (2.0 * np.pi)
-    for _ in range(60):
-        observation, _, ended, _, _ = env.step(policy(observation))
-        assert not np.any(ended)
-    believed = observation[:, missions(env.problem)[0].layout["modes"]]
-    off = np.log(believed[:, MODE_PLACES["frequency"]] / true)
-    sigmas = np.abs(off) / observed_std(believed[:, MODE_PLACES["frequency_std"]])
-    astray = np.mean((np.abs(off) > 0.05) & (sigmas > 4.0))
-    print(f"{satellite} {name}: astray {astray:.0%}, rms {np.sqrt(np.mean(sigmas**2)):.1f} standard deviations")
-    assert astray < 0.07
-    assert np.sqrt(np.mean(sigmas**2)) < 3.0
-
-
-@pytest.mark.compiled
-def test_what_restarts_do_not_cure_is_inflated():
-    """A gyro three times as noisy as it is said to be: as many restarts as there may be, and then F."""
-    body = satellite(PANELS)
-    gyro, tachometer, dt = flown(body, InertiaLaw("static"))
-    gyro = gyro + np.sqrt(8.0) * body.gyro_noise_std * np.random.default_rng(0).standard_normal(gyro.shape)
-    found = {}
-    for inflate in (None, False):
-        ekf = AdaptiveEKF(inflate=inflate)
-        ekf.run(prior_of(body, Scenario()), gyro, tachometer, dt)
-        state = ekf.record["whiteness"]
-        found[inflate] = int(state["restarts"]), float(state["factor"])
-    assert found[None][0] == RESTARTS_MAX
-    assert found[None][1] > 2.0
-    assert found[False] == (0, 1.0)
 
 
 def test_the_smoother_refuses_modes():

@@ -98,12 +98,13 @@ def test_runs_on_a_cluster_equal_those_trained_here(machines, monkeypatch, tmp_p
 
 
 def _hangs_on(doomed, folder, number):
-    """A task that says in a folder that it has begun, and on one machine never ends."""
+    """A task that says in a folder that it has begun, and on one machine never ends; on others it waits for that."""
     (folder / f"{number}-{os.getpid()}").touch()
     if ray.get_runtime_context().get_node_id() == doomed:
         (folder / "hangs").touch()
         time.sleep(600.0)
-    time.sleep(0.2)
+    while not (folder / "hangs").exists():
+        time.sleep(0.02)
     return number * np.arange(3.0)
 
 

@@ -59,7 +59,7 @@ class MomentumEKFSettings(EstimatorSettings):
         inflate: whether it inflates its covariance and the readings' noise while its innovations are larger or more
             coloured than those of a consistent filter, see `satid_gym.core.belief.whiteness`. Without, info's
             `unmodelled` says so and nothing else changes. None: where it estimates modes; there an early alarm
-            restarts it.
+            restarts it, as does a mode's estimate that is far from the data sheet.
 
     Raises:
         ValueError: a value is out of range, or with adaptation a walk is more than inertia_walk_max.

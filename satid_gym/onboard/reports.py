@@ -48,8 +48,9 @@ class Estimate:
         nis: normalised innovation squared of the last update per degree of freedom; NaN before the first.
         nis_mean: its running mean: 1 of a consistent filter.
         colour: how alike innovations are from one to the next, over its limit, see `satid_gym.core.belief.whiteness`.
-        unmodelled: whether one of these two is beyond its limit: readings are not those that the data sheet leads to,
-            and neither estimate nor covariance can be trusted. What to do about it, docs/unmodelled.md says.
+        unmodelled: whether one of these two is beyond its limit, or the estimate of a mode four standard deviations off
+            the data sheet: readings are not those that the data sheet leads to, and neither estimate nor covariance can
+            be trusted. What to do about it, docs/unmodelled.md says.
         accepted: whether the filter accepted the gyro's last reading; if not, it continues with its own rate.
     """
 

@@ -162,6 +162,7 @@ def tell(belief, report):
     """Write what the filter says of itself, apart from its estimate, to a report."""
     state, walk = belief.whiteness, whiteness.inertia_walk(belief)
     report.nis_mean, report.colour = whiteness.mean_nis(state), whiteness.colour(state, walk)
-    report.unmodelled, report.inflation = 1 if whiteness.is_alarmed(state, walk) else 0, state.factor
+    alarmed = whiteness.is_alarmed(state, walk) or modes.have_left_data_sheet(belief)
+    report.unmodelled, report.inflation = 1 if alarmed else 0, state.factor
     report.restarts = state.restarts
     report.inertia_walk, report.steps_found = walk, belief.adaptation.steps

@@ -31,6 +31,7 @@ from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
 STATES = 5  # eta, p, log w, log |d|, log zeta
+_SIGMAS_MAX = 4.0  # standard deviations that a data sheet can be wrong by
 
 
 @functools.cache
@@ -88,6 +89,16 @@ def refresh(belief):
             modes.d[i, k] = scale * modes.coupling[i, k]
             for j in range(3):
                 modes.D[i, k, j] = scale * modes.inertia_slope[i, k, j]
+
+
+@inline
+def have_left_data_sheet(belief):
+    """Whether a frequency, size or damping is estimated further from its data sheet than that can be wrong."""
+    modes, found = belief.modes, False
+    for i in range(modes.coupling.shape[0]):
+        for k in range(2, STATES):
+            found = found or abs(belief.mean[modes.first + STATES * i + k]) > _SIGMAS_MAX * modes.std[i, k]
+    return found
 
 
 @inline

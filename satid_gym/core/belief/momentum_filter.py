@@ -36,9 +36,10 @@ from satid_gym.core.belief import (
     rate_noise,
     star_reading,
     unmeasured,
+    whiteness,
 )
 from satid_gym.core.belief.kalman import estimated_inertia, propagate
-from satid_gym.core.belief.momentum_start import start_momentum
+from satid_gym.core.belief.momentum_start import return_to_data_sheet, start_momentum
 from satid_gym.core.jit import inline, outline
 
 
@@ -162,6 +163,9 @@ def condition(belief, work, gyro):
     if belief.attitude.on != 0:
         attitude.take_up(belief)
     if belief.modes.coupling.shape[0] > 0:
+        if modes.have_left_data_sheet(belief) and whiteness.may_begin_again(belief.whiteness):
+            return_to_data_sheet(belief)
+            whiteness.begin_again(belief)
         modes.refresh(belief)
     if gated:
         unmeasured.follow(belief, before)

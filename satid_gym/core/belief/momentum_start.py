@@ -12,8 +12,10 @@ from satid_gym.core.algebra import (
     store_symmetric,
 )
 from satid_gym.core.belief import adaptation, alignment, attitude, calibration, gating, modes, retraction, whiteness
-from satid_gym.core.belief.kalman import estimated_inertia, start_theta, write_times_regressor
+from satid_gym.core.belief.kalman import estimated_inertia, is_known_to, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
+
+_HARDLY = 0.02  # relative std of a moment
 
 
 @inline
@@ -37,6 +39,17 @@ def start(belief, work, gyro, tachometer):
         variance = belief.gyro_std**2 + (belief.covariance[bias, bias] if bias > 0 else 0.0)
         modes.start(belief, calibration.corrected(belief, gyro), variance)
     start_momentum(belief, work, gyro)
+
+
+@inline
+def return_to_data_sheet(belief):
+    """Modes, and an inertia that is hardly known, as before the first reading; one that is known may have changed."""
+    if not is_known_to(belief, _HARDLY):
+        for k in range(belief.prior_theta.shape[0]):
+            belief.mean[3 + k] = belief.prior_theta[k]
+    for i in range(belief.modes.coupling.shape[0]):
+        for k in range(2, modes.STATES):
+            belief.mean[belief.modes.first + modes.STATES * i + k] = 0.0
 
 
 @outline

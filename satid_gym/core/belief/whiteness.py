@@ -25,7 +25,8 @@ modes' motion, which the next readings tell again. So each state grows by itself
 Where modes are estimated, an early alarm comes from a frequency, coupling or inertia that was known too poorly for the
 linearisation to hold, not from what is left out. So within _EARLY readings the filter restarts from its mean: g is
 _RESTART_GROWTH times the square of the excess, F stays 1, and y and R start again. That happens at most RESTARTS_MAX
-times.
+times. A mode's estimate far from its data sheet says the same, though innovations need not: the filter then restarts
+from the data sheet, with a g that leaves nothing of what readings have told.
 
 F falls with R, and is watched for that however little is known meanwhile. A filter with a large F follows slowly, which
 colours its innovations too: where little excites the body, or the inertia varies, F may stay large by itself.
@@ -56,6 +57,7 @@ _FACTOR_MAX = 1e4
 # baselines.studies.consistency on validation seeds; docs/flexible.md has test seeds
 _EARLY = 300  # readings since y and R started
 _RESTART_GROWTH = 4.0
+_AFRESH = 1e4  # growth that leaves nothing of what readings have told
 RESTARTS_MAX = 4
 _STILL = 5e-4  # walk of the inertia, per sqrt(s), below which it hardly varies: chosen by hand for the same
 _COUNT = len(TIME_CONSTANTS)
@@ -195,6 +197,20 @@ def _may_restart(belief):
     state = belief.whiteness
     early = state.readings <= _EARLY and state.restarts < RESTARTS_MAX and state.factor_max == 1.0
     return early and belief.modes.std.shape[0] > 0
+
+
+@inline
+def may_begin_again(state):
+    """Whether there may be another restart."""
+    return state.inflate != 0 and state.restarts < RESTARTS_MAX
+
+
+@inline
+def begin_again(belief):
+    """Restart from the mean with what is known without any reading."""
+    _forget(belief, _AFRESH)
+    _begin(belief.whiteness)
+    belief.whiteness.restarts += 1
 
 
 @inline
