@@ -61,7 +61,7 @@ def test_no_flight_at_rest_is_led_astray_by_large_panels(split):
     """Half of a moment is in the panels, and hardly anything moves.
 
     Linearised at an inertia that is 30 % off, frequency and damping may leave the data sheet. Where the filter did not
-    begin again then, the largest NEES was 7.5 and 27, and with more states the filter broke down.
+    begin again then, the largest NEES was 26 and 7.3, and with more states the filter broke down.
     """
     panels = Panel(
         mass=1.3,
