@@ -18,6 +18,7 @@ from satid_gym.identification.faults import fault_notes, tachometer_faults
 from satid_gym.identification.faults import without as without_faults
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flights import FlightReport, flight_reports, folds
+from satid_gym.identification.gyro_scale import gyro_scale
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
 from satid_gym.identification.rotors import contradicted, rotor_inertias, rotor_notes
 from satid_gym.identification.rows import ROWS_MIN
@@ -45,8 +46,8 @@ class Identification:
             windows and flights, and the data sheet's tolerances of gyro and wheels.
         over_rotor: (3, 3) inertia over the first wheel's rotor inertia, the only observable ratio.
         over_rotor_covariance: (6, 6) covariance of that ratio.
-        parameters: the six, the delays of the time stamps of wheel speeds and attitude relative to the gyro, and the
-            rotors' inertia where their motors' torque was recorded.
+        parameters: the six, the delays of the time stamps of wheel speeds and attitude relative to the gyro, the
+            gyro's scale where an attitude tells of it, and the rotors' inertia where their motors' torque was recorded.
         flights: contribution of each flight.
         inflation: factor on the formal standard deviations.
         scatter: variance between windows, and between flights, over what white noise gives.
@@ -135,6 +136,7 @@ def identify(
     covariance[~known] = covariance[:, ~known] = np.nan
     delays = delays_of(logs, estimated, inflation)
     rotors = rotor_inertias(logs, own, window)
+    gyro = gyro_scale(logs, estimated.delays[:, 1])
     white = whiteness(fit)
     notes = [
         *([f"the data do not identify {_names(~known)}: the motion about these axes is too small"] * (not known.all())),
@@ -144,13 +146,14 @@ def identify(
         *([_ALONE] * (len(estimated.windows) == 1)),
         *([f"formal standard deviations are inflated by {inflation:.2g}"] * (inflation > INFLATION_MIN)),
         *rotor_notes(rotors, own),
+        *gyro.notes(own),
         *bias_notes(logs, estimated, own),
         *rigid_notes(own),
         *fault_notes(logs, faults),
         *reading_notes(logs),
     ]
     rotor = own.wheels.inertia[0]
-    aligned = alignment_tolerance(logs, own, window, estimated)
+    aligned = alignment_tolerance(logs, own, window, estimated, gyro.contradiction(own))
     tolerance = rotor_tolerance(logs, own, window, estimated) + aligned
     by_motors = contradicted(rotors, own) * theta
     whole = covariance + tolerance + np.outer(by_motors, by_motors)
@@ -167,7 +170,7 @@ def identify(
         covariance=whole,
         over_rotor=inertia / rotor,
         over_rotor_covariance=(covariance + aligned) / rotor**2,
-        parameters=(*moments, *delays, *rotors),
+        parameters=(*moments, *delays, *gyro.parameters(), *rotors),
         flights=tuple(flight_reports(logs, own, window, estimated, without, faults)),
         inflation=inflation,
         scatter=scatter(fit),

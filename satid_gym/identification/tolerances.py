@@ -1,6 +1,6 @@
 """Data sheet and estimate: what its tolerances add to the uncertainty, and notes on what contradicts it or is left out.
 
-No log tells of the scale and alignment of gyro and wheels.
+No log tells of the scale and alignment of the wheels, nor, without an attitude, of the gyro's.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from satid_gym.identification.estimate import Estimated, estimate
+from satid_gym.identification.gyro_scale import corrected
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 
@@ -27,9 +28,15 @@ def rotor_tolerance(logs: Sequence[Log], satellite: Satellite, window: float, es
     return _covariance(((logs, one) for one in built), window, estimated)
 
 
-def alignment_tolerance(logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated) -> np.ndarray:
-    """Covariance (6, 6) of theta by the tolerances of the gyro's scale and alignment and of the wheels' alignment."""
-    gyro = ((logs_off, satellite) for logs_off in _gyros(logs, satellite))
+def alignment_tolerance(
+    logs: Sequence[Log], satellite: Satellite, window: float, estimated: Estimated, off: np.ndarray
+) -> np.ndarray:
+    """Covariance (6, 6) of theta by the tolerances of the gyro's scale and alignment and of the wheels' alignment.
+
+    off: errors (3,) of the gyro's scale that contradict its tolerance, of which the whole move counts; 0 without.
+    """
+    found_off = [corrected(logs, off)] if off.any() else []
+    gyro = ((logs_off, satellite) for logs_off in (*_gyros(logs, satellite), *found_off))
     wheels = ((logs, one) for one in _tilted(satellite))
     return _covariance(itertools.chain(gyro, wheels), window, estimated)
 
