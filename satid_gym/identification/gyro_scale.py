@@ -32,7 +32,7 @@ _TOLD = 5e-3  # standard deviation of the scale about an axis, above which no sc
 _FINE = 4  # instants of the integration between two readings
 _TURNS = 4  # of the fit, each at the scale that the last has found
 _SURE = 4.0  # standard deviations
-_SMALLEST = 1e-3  # that is worth a word
+_SMALLEST, _LARGEST = 1e-3, 0.5  # that is worth a word, and that can be the gyro's
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +100,8 @@ def gyro_scale(logs: Sequence[Log], delays: np.ndarray) -> GyroScale:
         scaled = design[:, flown] / size
         found, noise = _robust(scaled, target, noise)
         error = (1.0 + error) * (1.0 + found[:3] / size[:3]) - 1.0
+        if np.abs(error).max() > _LARGEST:
+            return unknown
     weight = 1.0 / np.sqrt(1.0 + ((target - scaled @ found) / noise) ** 2)
     matrices, vectors = _normal(scaled, weight, target)
     alone = _jackknife(matrices, vectors)
@@ -127,11 +129,9 @@ def _jackknife(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def _robust(design: np.ndarray, target: np.ndarray, noise: float) -> tuple[np.ndarray, float]:
     """Solution in which what is beyond twice the noise counts less, and what is left counts as noise from now on."""
-    if np.isinf(noise):
-        found = np.linalg.lstsq(design, target, rcond=None)[0]
-    else:
-        first = np.linalg.lstsq(design, target, rcond=None)[0]
-        found = least_squares(lambda x: design @ x - target, first, loss="soft_l1", f_scale=noise).x
+    found = np.linalg.lstsq(design, target, rcond=None)[0]
+    if np.isfinite(noise):
+        found = least_squares(lambda x: design @ x - target, found, loss="soft_l1", f_scale=noise).x
     return found, max(2.0 * 1.4826 * float(np.median(np.abs(target - design @ found))), 1e-12)
 
 
