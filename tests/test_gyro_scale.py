@@ -43,8 +43,8 @@ def test_without_noise_it_is_exact_to_second_order_with_any_bias():
 
 
 def test_its_errors_are_as_large_as_it_says():
-    """Attitudes good to a milliradian, over forty draws of the noise."""
-    found = [gyro_scale([log(SCALE, 1e-3, 1e-4, seed=seed, every=1)], np.zeros(1)) for seed in range(40)]
+    """Attitudes good to a milliradian, over twenty draws of the noise."""
+    found = [gyro_scale([log(SCALE, 1e-3, 1e-4, seed=seed, every=1)], np.zeros(1)) for seed in range(20)]
     z = np.array([(one.error - SCALE) / one.std for one in found])
     assert (np.abs(z.mean(axis=0)) < 0.6).all()
     assert 0.75 < np.sqrt(np.mean(z**2)) < 1.35
@@ -60,18 +60,22 @@ def test_attitudes_that_are_far_off_hardly_count():
 
 
 def test_a_scale_that_the_data_sheet_denies_is_told_and_counted():
-    """A gyro that is 1 % off gives an inertia that is 1 % off: without the attitude it is tens of deviations away."""
+    """A gyro that is 1 % off gives an inertia that is 1 % off: without the attitude that is in no interval."""
     truth, _ = flown()
     off = log([0.01] * 3, 1e-3, 1e-4)
     with_attitude, without = identify(off, CUBESAT), identify(dataclasses.replace(off, attitude=None), CUBESAT)
     (note,) = [one for one in with_attitude.notes if "by the attitude" in one]
     assert "data sheet's tolerance is 0 %" in note
-    assert np.abs(distances(with_attitude, truth)[0][:3]).max() < 2.0
-    assert np.abs(distances(without, truth)[0][:3]).min() > 3.0
+    told, untold = (np.abs(distances(found, truth)[0][:3]) for found in (with_attitude, without))
+    print(
+        f"moments are {told.max():.1f} standard deviations off; without attitude {untold.min():.1f} to {untold.max():.1f}"
+    )
+    assert told.max() < 2.0
+    assert untold.min() > 3.0
     readings = {p.name: p for p in with_attitude.parameters}
     for axis in "xyz":
-        told = readings[f"gyro reading over rate about {axis}"]
-        assert abs(told.value - 1.01) < 4.0 * told.std < 0.01
+        scale = readings[f"gyro reading over rate about {axis}"]
+        assert abs(scale.value - 1.01) < 4.0 * scale.std < 0.01
     assert not [p for p in without.parameters if "gyro" in p.name]
 
 

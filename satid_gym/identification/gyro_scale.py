@@ -20,6 +20,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from satid_gym.estimators.least_squares import attitudes_after
 from satid_gym.identification.delays import Parameter
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry.log import GAP, Log
@@ -31,7 +32,7 @@ _FLIGHTS = 3  # from which on they are left out one at a time, too
 _TOLD = 5e-3  # standard deviation of the scale about an axis, above which no scale is told
 _FINE = 4  # instants of the integration between two readings
 _TURNS = 4  # of the fit, each at the scale that the last has found
-_SURE = 4.0  # standard deviations
+_SURE = 4.0  # standard deviations from which on the data sheet is contradicted
 _SMALLEST, _LARGEST = 1e-3, 0.5  # that is worth a word, and that can be the gyro's
 
 
@@ -128,7 +129,7 @@ def _jackknife(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def _robust(design: np.ndarray, target: np.ndarray, noise: float) -> tuple[np.ndarray, float]:
-    """Solution in which what is beyond twice the noise counts less, and what is left counts as noise from now on."""
+    """Solution in which what is beyond the noise (infinite: not known) counts less, and the noise by what is left."""
     found = np.linalg.lstsq(design, target, rcond=None)[0]
     if np.isfinite(noise):
         found = least_squares(lambda x: design @ x - target, found, loss="soft_l1", f_scale=noise).x
@@ -178,10 +179,8 @@ def _stretch(
     steps = int(np.ceil(_FINE * (last - first) / interval))
     h = (last - first) / steps
     omega = rate(first + h * (np.arange(steps) + 0.5))
-    back = np.empty((steps, 3, 3))  # from the body in the middle of a step to that at the end
-    rotation, halves = np.eye(3), Rotation.from_rotvec(-0.5 * h * omega).as_matrix()
-    for k in range(steps - 1, -1, -1):
-        back[k] = rotation @ halves[k]
-        rotation = back[k] @ halves[k]
-    error = (Rotation.from_matrix(rotation) * turn).as_rotvec()  # `rotation` is the gyro's turn, undone
+    attitude = attitudes_after(np.repeat(0.5 * h * omega, 2, axis=0))
+    undone = attitude[-1].T
+    back = undone @ attitude[1::2]  # from the body in the middle of a step to that at the end
+    error = (Rotation.from_matrix(undone) * turn).as_rotvec()
     return -h * np.einsum("kij,kj->ij", back, omega), -h * back.sum(axis=0), error

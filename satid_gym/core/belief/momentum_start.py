@@ -15,7 +15,7 @@ from satid_gym.core.belief import adaptation, alignment, attitude, calibration, 
 from satid_gym.core.belief.kalman import estimated_inertia, is_known_to, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
-_HARDLY = 0.02  # relative std of a moment
+_HARDLY = 0.02  # relative std of a moment: chosen by hand, as the limit in `modes`
 
 
 @inline
