@@ -67,9 +67,7 @@ def test_a_scale_that_the_data_sheet_denies_is_told_and_counted():
     (note,) = [one for one in with_attitude.notes if "by the attitude" in one]
     assert "data sheet's tolerance is 0 %" in note
     told, untold = (np.abs(distances(found, truth)[0][:3]) for found in (with_attitude, without))
-    print(
-        f"moments are {told.max():.1f} standard deviations off; without attitude {untold.min():.1f} to {untold.max():.1f}"
-    )
+    print(f"moments are {told.max():.1f} standard deviations off, else {untold.min():.1f} to {untold.max():.1f}")
     assert told.max() < 2.0
     assert untold.min() > 3.0
     readings = {p.name: p for p in with_attitude.parameters}
