@@ -9,10 +9,15 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from numba.core import ir
+from numba.core.compiler import run_frontend
+from numba.core.types.functions import BaseFunction
 
 from satid_gym.core import kernels
-from satid_gym.core.jit import inline, inline_disjoint, kernel, outline, outline_disjoint
-from satid_gym.core.jit_cache import NamedByContent
+from satid_gym.core.algebra import invert
+from satid_gym.core.jit import inline, inline_disjoint, kernel, outline, outline_disjoint, passes
+from satid_gym.core.jit.cache import NamedByContent
+from satid_gym.core.sample import measure
 
 
 @inline
@@ -70,13 +75,41 @@ def test_a_part_of_disjoint_arguments_is_compiled_as_one(part, alone):
 
 
 @pytest.mark.compiled
-def test_kernels_leave_numbas_settings_as_they_were():
-    before = numba.config.SLP_VECTORIZE
+def test_kernels_leave_numba_as_it_was():
+    def settings():
+        return numba.config.SLP_VECTORIZE, BaseFunction.get_call_type, ir.Inst._rec_list_vars
+
+    before = settings()
     compiled = kernel(both)
     compiled._cache.disable()
     compiled(np.array([1.0, 2.0]))
-    after = numba.config.SLP_VECTORIZE
-    assert after == before
+    assert settings() == before
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("function", [both, doubled_sum.py_func, measure.py_func, invert.py_func])
+def test_the_variables_of_a_statement_are_those_that_numba_lists(function):
+    statements = [s for block in run_frontend(function).blocks.values() for s in block.body]
+    assert any(len(s.list_vars()) > 1 for s in statements)
+    for statement in statements:
+        assert passes._variables(statement, vars(statement)) == statement.list_vars()
+
+
+def larger(one, other):
+    return max(one, other) + 1
+
+
+@pytest.mark.compiled
+def test_what_is_remembered_of_a_call_is_what_numba_finds():
+    compiled = kernel(larger)
+    compiled._cache.disable()
+    for _ in range(2):
+        assert [type(compiled(*pair)) for pair in ((1, 2), (1.0, 2.0), (1, 2.0))] == [int, float, float]
+    known = [key for key in passes._call_types if key[0].typing_key is max]
+    assert len(known) >= 3
+    for function, context, args, kws in known:
+        signature, _ = passes._call_types[function, context, args, kws]
+        assert signature == passes._find_call_type(function, context, args, dict(kws))
 
 
 def test_python_may_call_a_part():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import store, store_symmetric
+from satid_gym.core.algebra import load, store, store_symmetric
 from satid_gym.core.belief.kalman import theta_covariance
 from satid_gym.core.jit import outline
 from satid_gym.core.truth.disturbance import external_torque, orbit_phase
@@ -15,14 +15,15 @@ from satid_gym.core.truth.state import load_state
 @outline
 def log_sample(log, plant, belief):
     """Write the present sample in full to a record of `log_dtype`."""
-    log.time, log.momentum[:], log.rate[:], log.wheel_speed[:] = (
-        plant.time,
-        plant.momentum,
-        plant.rate,
-        plant.wheel_speed,
-    )
-    log.attitude[:], log.gyro[:], log.tachometer[:] = plant.attitude, plant.gyro, plant.tachometer
+    log.time = plant.time
+    store(log.momentum, load(plant.momentum))
+    store(log.rate, load(plant.rate))
+    store(log.gyro, load(plant.gyro))
+    for k in range(log.wheel_speed.shape[0]):
+        log.wheel_speed[k] = plant.wheel_speed[k]
+        log.tachometer[k] = plant.tachometer[k]
     for i in range(4):
+        log.attitude[i] = plant.attitude[i]
         log.star_tracker[i] = plant.tracker.reading[i] if plant.tracker.fresh != 0 else np.nan
     inertia = inertia_at(plant, plant.time)
     store_symmetric(log.inertia, inertia)

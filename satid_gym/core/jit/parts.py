@@ -2,8 +2,9 @@
 
 By itself numba would optimise each function, with all that it calls, and make it executable, which takes longer than
 compiling the kernels and serves nobody, for Python calls none of them. `python -m satid_gym.warmup` in an empty cache
-took 29 s with these subclasses of numba's compiler and 69 s with plain `njit` in their place (one machine, side by
-side). They rest on numba's internals, which is why pyproject.toml caps its version.
+took 0.51 of the time with these subclasses of numba's compiler that plain `njit` takes, and 0.36 with the passes of
+`satid_gym.core.jit.passes` too (side by side on one machine). They rest on numba's internals, which is why
+pyproject.toml caps its version.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from typing import Any
 
 from llvmlite.binding import llvm_version_info
 from numba import config, njit
+from numba.core import sigutils
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+
+from satid_gym.core.jit.passes import KernelCompiler, quick_front_end
 
 _LLVM_MIN = 22  # that vectorises straight-line code rightly
 _RARELY = 20_000, 50, 100  # objects, and collections of younger ones, between two collections
@@ -56,6 +59,14 @@ def _part(function: Callable[..., Any], pipeline: type[_Inlined]) -> Any:
 
 class _Part(CPUDispatcher):
     """Compiler of a function for those that call it; called from Python, the function is compiled by itself."""
+
+    def compile(self, sig: Any) -> Any:
+        """Compile it for argument types, under the lock of the kernel that calls it."""
+        args, _ = sigutils.normalize_signature(sig)
+        if args not in self.overloads:
+            with self._compiling_counter:
+                self.add_overload(self._compiler.compile(args, None))
+        return self.overloads[args].entry_point
 
     def add_overload(self, cres: Any) -> None:
         """Keep the compiled part where other functions find it, and Python does not."""
@@ -103,8 +114,8 @@ class _OutlinedLibrary(_PartLibrary):
         super().add_ir_module(ir_module)
 
 
-class _Inlined(Compiler):
-    """Numba's compiler, which leaves a part as it comes from the front end."""
+class _Inlined(KernelCompiler):
+    """Compiler that leaves a part as it comes from the front end."""
 
     library = _PartLibrary
     inlines, disjoint = True, False
@@ -129,8 +140,8 @@ class _OutlinedDisjoint(_Outlined):
     disjoint = True
 
 
-class Vectorised(Compiler):
-    """Numba's compiler, with straight-line code turned into operations on several numbers at once.
+class Vectorised(KernelCompiler):
+    """Compiler of kernels, with straight-line code turned into operations on several numbers at once.
 
     Numba leaves that off, for some versions of LLVM got it wrong (its issue 8705): with LLVM 15 a filter breaks down in
     tests/test_filters.py. So it is on from the version on with which all tests pass.
@@ -145,7 +156,8 @@ class Vectorised(Compiler):
         thresholds = gc.get_threshold()
         gc.set_threshold(*_RARELY)
         try:
-            return super().compile_extra(function)
+            with quick_front_end():
+                return super().compile_extra(function)
         finally:
             config.SLP_VECTORIZE = before
             gc.set_threshold(*thresholds)

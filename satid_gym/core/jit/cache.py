@@ -27,7 +27,7 @@ def _fingerprint() -> str:
     """Digest of the source files that hold compiled code, in name order."""
     digest = hashlib.sha256()
     for folder in ("core", "control"):
-        for path in sorted((Path(__file__).parents[1] / folder).rglob("*.py")):
+        for path in sorted((Path(__file__).parents[2] / folder).rglob("*.py")):
             digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -53,7 +53,7 @@ def cache_of(function: Callable[..., Any]) -> KernelCache | NoCache:
         return NoCache()
 
 
-_SECONDS = 50  # that the core takes to compile
+_SECONDS = 40  # that the core takes to compile
 _said: set[str] = set()
 
 

@@ -22,9 +22,9 @@ from typing import Any
 
 from numba import config, njit
 
-from satid_gym.core.interpreted import interpreted
-from satid_gym.core.jit_cache import cache_of
-from satid_gym.core.jit_parts import FLAGS, Vectorised, inline, inline_disjoint, outline, outline_disjoint
+from satid_gym.core.jit.cache import cache_of
+from satid_gym.core.jit.interpreted import interpreted
+from satid_gym.core.jit.parts import FLAGS, Vectorised, inline, inline_disjoint, outline, outline_disjoint
 
 __all__ = ["inline", "inline_disjoint", "kernel", "outline", "outline_disjoint"]
 
