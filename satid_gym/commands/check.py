@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 from satid_gym.commands.words import HelpFormatter
-from satid_gym.data_sheet import derived, doubts, left_out
+from satid_gym.data_sheet import DerivedMode, derived, doubts, left_out
 from satid_gym.resolution import resolve_satellites
 from satid_gym.satellite import Satellite
 
@@ -57,9 +58,23 @@ def _show(satellite: Satellite) -> None:
     for name, values in rows.items():
         if values is not None:
             print(f"{name:44s}" + "".join(f"{value:12.4g}" for value in values))
+    _show_modes(own.modes)
     print("\nwheels from rest to their speed limit, s: " + " ".join(f"{value:.4g}" for value in own.spin_up))
     _list("not in the data sheet, or as the default", left_out(satellite), "nothing: everything is given")
     _list("doubts", doubts(satellite), "none")
+
+
+def _show_modes(modes: Sequence[DerivedMode]) -> None:
+    """Table of panels and tanks; `deflection` is the largest after a step to full torque."""
+    if not modes:
+        return
+    print(f"\n{'oscillator':24s}{'held, Hz':>10s}{'free, Hz':>10s}{'share of the moment, %':>24s}", end="")
+    print(f"{'full torque':>14s}{'limit':>10s}")
+    for number, mode in enumerate(modes, 1):
+        limit = "none" if mode.limit is None else f"{mode.limit:.3g}"
+        share = " ".join(f"{100.0 * value:.1f}" for value in mode.share)
+        print(f"{f'{number}, {mode.kind}':24s}{mode.held:10.3g}{mode.free:10.3g}{share:>24s}", end="")
+        print(f"{f'{mode.deflection:.2g} {mode.unit}':>14s}{limit:>10s}")
 
 
 def _list(title: str, lines: list[str], without: str) -> None:

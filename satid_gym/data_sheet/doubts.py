@@ -1,28 +1,15 @@
-"""Data sheet of a satellite, looked over before it is believed: what follows from it, what it leaves out, and doubts.
-
-A value in another unit is often possible, and then every result is wrong by a factor that nothing shows. The doubts
-compare the numbers of a satellite with each other. Their limits are wide: an unusual satellite passes, most slips of a
-unit do not.
-"""
+"""What is hard to believe of a data sheet."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import MISSING, dataclass, fields
 
 import numpy as np
 
+from satid_gym.data_sheet.appendage_doubts import oscillator_doubts, tracker_doubts
+from satid_gym.data_sheet.derived import derived
 from satid_gym.satellite import Satellite
-from satid_gym.tolerances import Tolerances
 
-_UNITS = {
-    "mass": "kg",
-    "size": "m",
-    "rate_limit": "rad/s",
-    "gyro_noise_std": "rad/s",
-    "tachometer_noise_std": "rad/s",
-    "disturbance_std": "N m",
-}
 _BOX = 10.0  # moment over that of a uniform box, or its inverse
 _TO_LIMIT = (0.05, 1800.0)  # s, from rest to the rate limit
 _SPIN_UP = (0.5, 10_000.0)  # s, of a wheel to its speed limit
@@ -32,74 +19,6 @@ _RATE = 1.0  # rad/s
 _NOISE = 0.05  # of the gyro over the rate limit
 _BIAS = 0.1  # likewise
 _DISTURBANCE = 0.1  # over the torque of the wheels
-
-
-@dataclass(frozen=True, eq=False)
-class Derived:
-    """What follows from a data sheet, about each body axis.
-
-    Attributes:
-        moment: (3,) diagonal of the inertia, kg m^2.
-        torque: (3,) of all wheels together, N m.
-        to_limit: (3,) s from rest to the rate limit at that torque.
-        reached: (3,) rad/s at which the body turns once the wheels, from rest, are at their speed limit.
-        box: (3,) moment over that of a uniform box of the same mass and size; None where these are not given.
-        spin_up: (n,) s of each wheel from rest to its speed limit.
-    """
-
-    moment: np.ndarray
-    torque: np.ndarray
-    to_limit: np.ndarray
-    reached: np.ndarray
-    box: np.ndarray | None
-    spin_up: np.ndarray
-
-
-def derived(satellite: Satellite) -> Derived:
-    """What follows from a data sheet."""
-    wheels, moment = satellite.wheels, np.diag(satellite.inertia)
-    box = None
-    if satellite.mass is not None and satellite.size is not None:
-        square = satellite.size**2
-        box = 12.0 * moment / (satellite.mass * (square.sum() - square))
-    return Derived(
-        moment=moment,
-        torque=wheels.torque_reach,
-        to_limit=satellite.rate_limit * moment / wheels.torque_reach,
-        reached=wheels.momentum_reach / moment,
-        box=box,
-        spin_up=wheels.max_momentum / wheels.max_torque,
-    )
-
-
-def left_out(satellite: Satellite) -> list[str]:
-    """What the data sheet does not say, or says as the default has it, and what is assumed, one line each."""
-    defaults = {field.name: field.default for field in fields(Satellite) if field.default is not MISSING}
-    void = {"tachometer_noise_std"} if satellite.sensors.counts else set()
-    same = [name for name in _UNITS if _is(getattr(satellite, name), defaults[name]) and name not in void]
-    lines = [f"{name}: {_shown(satellite, name)}" for name in same]
-    sensors, tolerances = satellite.sensors, satellite.tolerances
-    exact = [field.name for field in fields(Tolerances) if getattr(tolerances, field.name) == 0.0]
-    if sensors.tachometer_delay == 0.0:
-        exact.remove("tachometer_delay")
-    if exact:
-        lines.append(f"tolerances: taken as exactly nominal: {', '.join(exact)}")
-    if not sensors.are_timed:
-        lines.append("sensors: readings are taken as of the instant at which they are given")
-    if sensors.star_tracker is None:
-        lines.append("sensors.star_tracker: none")
-    if not satellite.oscillators:
-        lines.append("oscillators: the body is taken as rigid")
-    return lines
-
-
-def _is(value: object, default: object) -> bool:
-    return value is None if default is None else isinstance(value, float) and value == default
-
-
-def _shown(satellite: Satellite, name: str) -> str:
-    value = getattr(satellite, name)
-    return "not given" if value is None else f"{value:g} {_UNITS[name]}, the default"
 
 
 def doubts(satellite: Satellite) -> list[str]:
@@ -149,6 +68,10 @@ def doubts(satellite: Satellite) -> list[str]:
     for name, other in (("gyro_noise_std", sensors.gyro_quantum > 0.0), ("tachometer_noise_std", sensors.counts)):
         if getattr(satellite, name) == 0.0 and not other:
             found.append(f"{name} is 0: no sensor is free of noise, and the filter believes that this one is")
+    for number, oscillator in enumerate(satellite.oscillators, 1):
+        found += [f"oscillator {number}: {doubt}" for doubt in oscillator_doubts(oscillator, satellite)]
+    if sensors.star_tracker is not None:
+        found += [f"star tracker: {doubt}" for doubt in tracker_doubts(sensors.star_tracker)]
     return found
 
 
