@@ -1,4 +1,4 @@
-"""What is hard to believe of panels, tanks and star trackers."""
+"""Doubts about panels, tanks and star trackers."""
 
 from __future__ import annotations
 

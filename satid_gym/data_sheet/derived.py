@@ -1,4 +1,4 @@
-"""What follows from a data sheet."""
+"""Figures that follow from a data sheet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""What is hard to believe of a data sheet."""
+"""Doubts about a data sheet.
+
+A value in another unit is often possible, and then every result is wrong by a factor that nothing shows. The doubts
+compare the numbers of a satellite with each other. Their limits are wide: an unusual satellite passes, most slips of a
+unit do not.
+"""
 
 from __future__ import annotations
 

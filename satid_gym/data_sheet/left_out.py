@@ -1,4 +1,4 @@
-"""What a data sheet does not say, and what is assumed for it."""
+"""Values that a data sheet does not give, and what is assumed for them."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ import numpy as np
 from satid_gym.estimators.batch.fit import NotIdentifiedError
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 from satid_gym.identification.fit import Fit, fit
+from satid_gym.identification.flexible_body.ringing import rung
 from satid_gym.identification.rows import ROWS_MIN, Window, windows_of
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
@@ -47,6 +48,39 @@ def theta_sizes(satellite: Satellite) -> np.ndarray:
     return np.array([*moments, *(np.sqrt(moments[i] * moments[j]) for i, j in PRODUCTS)])
 
 
+def all_windows(
+    logs: Sequence[Log],
+    satellite: Satellite,
+    window: float,
+    theta: np.ndarray,
+    delays: np.ndarray,
+    biases: np.ndarray,
+    *,
+    straight: bool = False,
+    rings: bool = True,
+) -> list[Window]:
+    """Windows of all logs, at the present estimate of theta (6,), and of delays (F, 2) and biases (F, 3) of each.
+
+    rings: whether with what the satellite's panels and tanks do in them.
+    """
+    found = [
+        row
+        for number, log in enumerate(logs)
+        for row in windows_of(
+            log,
+            number,
+            satellite.wheels,
+            theta,
+            delays[number],
+            biases[number],
+            window,
+            unbroken=bool(satellite.oscillators),
+            straight=straight,
+        )
+    ]
+    return [rung(row, satellite, straight=straight) for row in found] if rings else found
+
+
 def estimate(
     logs: Sequence[Log],
     satellite: Satellite,
@@ -60,7 +94,8 @@ def estimate(
 
     Args:
         logs: one a flight.
-        satellite: nominal; its inertia is where the search starts, its wheels and gyro are taken as built.
+        satellite: nominal; its inertia is where the search starts, its wheels, gyro, panels and tanks are taken as
+            built.
         window: s.
         given: (6,) kg m^2 that is taken as it is.
         turns: how often the windows are built again.
@@ -75,13 +110,7 @@ def estimate(
     sizes = theta_sizes(satellite)
     common_std, interval = common_stds(logs, satellite), max(log.interval for log in logs)
     for _ in range(turns):
-        windows = [
-            row
-            for number, log in enumerate(logs)
-            for row in windows_of(
-                log, number, satellite.wheels, theta, delays[number], biases[number], window, straight=straight
-            )
-        ]
+        windows = all_windows(logs, satellite, window, theta, delays, biases, straight=straight)
         if not windows:
             raise NotIdentifiedError(
                 f"no stretch of {ROWS_MIN} good readings without a gap or a turn of more than 0.3 rad between two of "

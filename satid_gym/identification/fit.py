@@ -75,7 +75,7 @@ class Fit:
     jitter: float
 
 
-class _Rows(NamedTuple):
+class Rows(NamedTuple):
     """A window in units of noise, with its own unknowns projected out."""
 
     design: np.ndarray  # (3 N, 6 + m)
@@ -84,11 +84,7 @@ class _Rows(NamedTuple):
 
 
 def fit(
-    windows: Sequence[Window],
-    scale: np.ndarray,
-    common_std: np.ndarray,
-    *,
-    given: np.ndarray | None = None,
+    windows: Sequence[Window], scale: np.ndarray, common_std: np.ndarray, *, given: np.ndarray | None = None
 ) -> Fit:
     """Theta and its covariance from windows of one flight or several.
 
@@ -102,8 +98,8 @@ def fit(
     sigma, jitter = first_noise(windows), 0.0
     for _ in range(_ROUNDS):
         std = [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
-        ready = [_project(w, s, weight) for w, s, weight in zip(windows, std, weights, strict=True)]
-        theta, covariance, shares = _solve(windows, ready, scale, common_std, given)
+        ready = [projected_rows(w, s, weight) for w, s, weight in zip(windows, std, weights, strict=True)]
+        theta, covariance, shares = solve(windows, ready, scale, common_std, given)
         residuals = [
             residual_of(window, s, weight, theta, shares[window.flight].common)
             for window, s, weight in zip(windows, std, weights, strict=True)
@@ -138,15 +134,15 @@ def projected(window: Window, std: np.ndarray, weight: np.ndarray, *parts: np.nd
     return [part - basis @ (basis.T @ part) for part in rows]
 
 
-def _project(window: Window, std: np.ndarray, weight: np.ndarray) -> _Rows:
+def projected_rows(window: Window, std: np.ndarray, weight: np.ndarray) -> Rows:
     parts = (window.regressor, window.common, window.instrument, window.target[..., None])
     design, common, instrument, target = projected(window, std, weight, *parts)
-    return _Rows(np.hstack([design, common]), np.hstack([instrument, common]), target[:, 0])
+    return Rows(np.hstack([design, common]), np.hstack([instrument, common]), target[:, 0])
 
 
-def _solve(
+def solve(
     windows: Sequence[Window],
-    ready: list[_Rows],
+    ready: list[Rows],
     scale: np.ndarray,
     common_std: np.ndarray,
     given: np.ndarray | None,
@@ -195,7 +191,9 @@ def residual_of(
     known = np.broadcast_to(theta, (len(window), 6))
     rest = window.target - np.einsum("nip,np->ni", window.regressor, known) - window.common @ common
     root = (np.sqrt(weight)[:, None] / std)[..., None]
-    own = np.linalg.lstsq((window.own * root).reshape(-1, 6), (rest * root[..., 0]).ravel(), rcond=1e-9)[0]
+    own = np.linalg.lstsq((window.own * root).reshape(3 * len(window), -1), (rest * root[..., 0]).ravel(), rcond=1e-9)[
+        0
+    ]
     return rest - window.own @ own
 
 
@@ -208,7 +206,7 @@ def first_noise(windows: Sequence[Window]) -> np.ndarray:
 def noise_of(windows: Sequence[Window], residuals: list[np.ndarray]) -> tuple[np.ndarray, float]:
     """Noise by axis from the calmer half of the rows, and that of the stamps from the other half."""
     rest, motion = np.concatenate(residuals), np.concatenate([window.motion for window in windows])
-    freedom = 3.0 * len(rest) / max(3.0 * len(rest) - 6.0 * len(windows) - 11.0, 1.0)
+    freedom = 3.0 * len(rest) / max(3.0 * len(rest) - windows[0].own.shape[2] * len(windows) - 11.0, 1.0)
     calm = motion <= np.median(motion, axis=0)
     sigma = np.array([np.median(rest[calm[:, i], i] ** 2) for i in range(3)]) / _MEDIAN_SQUARE * freedom
     sigma = np.sqrt(np.maximum(sigma, _QUIET**2 * sigma.max() + 1e-12 * (rest**2).max() + 1e-300))
@@ -237,7 +235,7 @@ def _signal(
     matrix, target, left = np.zeros((6, 6)), 0.0, 0.0
     for window, weight, residual in zip(windows, weights, residuals, strict=True):
         root = np.repeat(np.sqrt(weight), 3)[:, None]
-        basis, values, _ = np.linalg.svd(root * window.own.reshape(-1, 6), full_matrices=False)
+        basis, values, _ = np.linalg.svd(root * window.own.reshape(3 * len(window), -1), full_matrices=False)
         basis = basis[:, values > 1e-9 * values[0]]
         rows = np.concatenate([window.regressor, window.target[..., None]], axis=2).reshape(-1, 7) * root
         rows = rows - basis @ (basis.T @ rows)

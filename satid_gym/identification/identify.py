@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,10 +14,11 @@ from satid_gym.estimators.batch.regression import NAMES, SIGNAL_MIN, STD_MAX
 from satid_gym.estimators.batch.second_moment import nearest_physical
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes
-from satid_gym.identification.estimate import Estimated, estimate, theta_sizes
+from satid_gym.identification.estimate import estimate, theta_sizes
 from satid_gym.identification.faults import fault_notes, tachometer_faults
 from satid_gym.identification.faults import without as without_faults
 from satid_gym.identification.fit import Fit
+from satid_gym.identification.flexible_body.body import flexible
 from satid_gym.identification.flights import FlightReport, flight_reports, folds
 from satid_gym.identification.gyro_scale import gyro_scale
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
@@ -24,7 +26,7 @@ from satid_gym.identification.rotors import contradicted, rotor_inertias, rotor_
 from satid_gym.identification.rows import ROWS_MIN
 from satid_gym.identification.slips.checks import check_attitude, check_fit
 from satid_gym.identification.spikes import without_spikes
-from satid_gym.identification.tolerances import alignment_tolerance, bias_notes, rigid_notes, rotor_tolerance
+from satid_gym.identification.tolerances import alignment_tolerance, bias_notes, mode_tolerance, rotor_tolerance
 from satid_gym.identification.variation.steps_and_drift import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
 from satid_gym.satellite import Satellite
@@ -47,7 +49,8 @@ class Identification:
         over_rotor: (3, 3) inertia over the first wheel's rotor inertia, the only observable ratio.
         over_rotor_covariance: (6, 6) covariance of that ratio.
         parameters: the six, the delays of the time stamps of wheel speeds and attitude relative to the gyro, the
-            gyro's scale where an attitude tells of it, and the rotors' inertia where their motors' torque was recorded.
+            gyro's scale where an attitude tells of it, what the data sheet does not know exactly of panels and tanks,
+            and the rotors' inertia where their motors' torque was recorded.
         flights: contribution of each flight.
         inflation: factor on the formal standard deviations.
         scatter: variance between windows, and between flights, over what white noise gives.
@@ -112,13 +115,14 @@ def identify(
     logs, faults = without_spikes(logs, own)
     _check_motion(logs, own)
     logs = check_attitude(logs)
-    estimated: Estimated | None
-    try:
-        estimated = estimate(logs, own, window)
-    except NotIdentifiedError:
-        estimated = None
-    doubt = check_fit(logs, own, window, sizes, estimated)
+    nominal, body, estimated = own, None, None
+    with contextlib.suppress(NotIdentifiedError):
+        body = flexible(logs, own, window)
+        estimated = estimate(logs, body.satellite, window)
+    doubt = check_fit(logs, own.replace(oscillators=()), window, sizes, estimated)
+    assert body is not None
     assert estimated is not None  # check_fit has raised
+    own = body.satellite
     if found_by_fit := tachometer_faults(estimated, own.wheels):
         logs, faults = without_faults(logs, found_by_fit), [*faults, *found_by_fit]
         estimated = estimate(logs, own, window)
@@ -148,12 +152,13 @@ def identify(
         *rotor_notes(rotors, own),
         *gyro.notes(own),
         *bias_notes(logs, estimated, own),
-        *rigid_notes(own),
+        *body.notes(),
         *fault_notes(logs, faults),
         *reading_notes(logs),
     ]
     rotor = own.wheels.inertia[0]
     aligned = alignment_tolerance(logs, own, window, estimated, gyro.contradiction(own))
+    aligned += mode_tolerance(logs, body.moved(), window, estimated)
     tolerance = rotor_tolerance(logs, own, window, estimated) + aligned
     by_motors = contradicted(rotors, own) * theta
     whole = covariance + tolerance + np.outer(by_motors, by_motors)
@@ -165,12 +170,12 @@ def identify(
     inertia, std = inertia_tensors(theta), np.sqrt(np.diag(whole))
     moments = (Parameter(name=n, value=float(v), std=float(s)) for n, v, s in zip(NAMES, theta, std, strict=True))
     return Identification(
-        satellite=own,
+        satellite=nominal,
         inertia=inertia,
         covariance=whole,
         over_rotor=inertia / rotor,
         over_rotor_covariance=(covariance + aligned) / rotor**2,
-        parameters=(*moments, *delays, *gyro.parameters(), *rotors),
+        parameters=(*moments, *delays, *gyro.parameters(), *body.parameters(), *rotors),
         flights=tuple(flight_reports(logs, own, window, estimated, without, faults)),
         inflation=inflation,
         scatter=scatter(fit),

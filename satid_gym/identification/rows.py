@@ -42,8 +42,8 @@ class Window:
         time: (N,) s.
         regressor: (N, 3, 6) L(omega), rad/s.
         common: (N, 3, m) columns of what is common to a flight: g, b, d_w and, where attitude is measured, d_a.
-        own: (N, 3, 6) columns of H and of tau times the window's length.
-        target: (N, 3) -a, and what a known torque has added to the momentum, N m s.
+        own: (N, 3, 6 + 2 k) columns of H, of tau times the window's length, and of each mode's free oscillation.
+        target: (N, 3) -a, what a known torque has added to the momentum, and what modes take from it, N m s.
         motion: (N, 3) change of the momentum for a second's error of a stamp, N m.
         instrument: (N, 3, 6) L of the rate that the readings before and after give for the instant.
     """
@@ -61,6 +61,11 @@ class Window:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def omega(self) -> np.ndarray:
+        """Rates (N, 3), rad/s."""
+        return self.regressor[:, [0, 1, 2], [0, 1, 2]]
+
 
 def regressor(omega: np.ndarray) -> np.ndarray:
     """L (N, 3, 6) of rates (N, 3)."""
@@ -76,6 +81,7 @@ def windows_of(
     bias: np.ndarray,
     length: float,
     *,
+    unbroken: bool = False,
     straight: bool = False,
     breaks: Sequence[float] = (),
 ) -> list[Window]:
@@ -88,6 +94,7 @@ def windows_of(
         theta: (6,) present estimate, kg m^2, at which d_a is linear.
         delays: (2,) present d_w and d_a, s; the columns are for what is left of them.
         length: of a window, s.
+        unbroken: whether no window goes on after a gap, for what happens in it matters.
         straight: whether wheel speeds run on straight lines between readings, instead of splines.
         breaks: s of the log's clock; instants at which a window ends.
     """
@@ -101,7 +108,7 @@ def windows_of(
     broken = np.isin(np.arange(len(index)), np.searchsorted(log.time[index], breaks))[1:]
     if log.attitude is None:
         broken |= _lost(time[index], omega[index], log.interval)
-    elif log.torque is not None:  # nobody knows what it was in a gap
+    elif log.torque is not None or unbroken:  # nobody knows what it was in a gap
         broken |= np.diff(time[index]) > GAP * log.interval
     for part in _parts(time[index], broken, length, log.interval):
         rows = index[part]

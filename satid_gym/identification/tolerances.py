@@ -41,6 +41,11 @@ def alignment_tolerance(
     return _covariance(itertools.chain(gyro, wheels), window, estimated)
 
 
+def mode_tolerance(logs: Sequence[Log], moved: Iterable[Satellite], window: float, estimated: Estimated) -> np.ndarray:
+    """Covariance (6, 6) of theta by what is not known of panels and tanks, of satellites `moved` by that."""
+    return _covariance(((logs, one) for one in moved), window, estimated)
+
+
 def _covariance(cases: Iterable[Case], window: float, estimated: Estimated) -> np.ndarray:
     """Sum of the outer products of theta's moves, one for each case with one error of a standard deviation."""
     found = np.zeros((6, 6))
@@ -83,18 +88,4 @@ def bias_notes(logs: Sequence[Log], estimated: Estimated, satellite: Satellite) 
         f"{log.name}: the gyro's bias is {bias:.2g} rad/s, {bias / tolerance:.0f} times the data sheet's tolerance"
         for log, bias in zip(logs, largest, strict=True)
         if tolerance > 0.0 and bias > _BIAS_STDS * tolerance
-    ]
-
-
-def rigid_notes(satellite: Satellite) -> list[str]:
-    """A line where the data sheet has panels or tanks, which the fit does not."""
-    modes = satellite.modes
-    if not modes:
-        return []
-    share = sum(mode.coupling**2 for mode in modes) / np.diag(satellite.inertia)
-    frequencies = ", ".join(f"{mode.frequency:g}" for mode in modes)
-    shares = ", ".join(f"{part:.0%} of {name}" for part, name in zip(share, ("Jxx", "Jyy", "Jzz"), strict=True))
-    return [
-        f"the body is taken as rigid: the data sheet's panels and tanks ({frequencies} Hz) carry {shares}, and where "
-        "they ring in the log these moments are off by up to that, which is not in the intervals"
     ]

@@ -1,4 +1,4 @@
-"""Kernels as plain Python, for debuggers, coverage and mutation testing; see `satid_gym.core.jit`."""
+"""Kernels as plain Python, for debuggers, coverage and mutation testing; see `satid_gym.core.jit.entry`."""
 
 from __future__ import annotations
 

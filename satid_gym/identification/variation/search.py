@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from satid_gym.identification.estimate import common_stds, theta_sizes
+from satid_gym.identification.flexible_body.ringing import rung
 from satid_gym.identification.rows import Window, windows_of
 from satid_gym.identification.variation.changes import Likelihood
 from satid_gym.identification.variation.course import Course
@@ -35,7 +36,7 @@ class Search:
 
     def windows(self, log: Log, flight: int, breaks: Sequence[float], window: float) -> list[Window]:
         """Windows of a part of a flight's log."""
-        return windows_of(
+        found = windows_of(
             log,
             flight,
             self.satellite.wheels,
@@ -43,8 +44,10 @@ class Search:
             self.delays[flight],
             self.biases[flight],
             window,
+            unbroken=bool(self.satellite.oscillators),
             breaks=breaks,
         )
+        return [rung(one, self.satellite) for one in found]
 
     def build(self, drifts: bool, walk: float) -> tuple[Course, Balance]:
         """Constant course between the steps, and balance with the noise, biases and delays of a drift of size q."""

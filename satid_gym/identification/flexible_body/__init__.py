@@ -1,0 +1,1 @@
+"""Panels and tanks in the momentum balance, and what logs tell of them."""
