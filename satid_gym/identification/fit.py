@@ -135,6 +135,7 @@ def projected(window: Window, std: np.ndarray, weight: np.ndarray, *parts: np.nd
 
 
 def projected_rows(window: Window, std: np.ndarray, weight: np.ndarray) -> Rows:
+    """Rows of a window with a weight (N,) for each instant."""
     parts = (window.regressor, window.common, window.instrument, window.target[..., None])
     design, common, instrument, target = projected(window, std, weight, *parts)
     return Rows(np.hstack([design, common]), np.hstack([instrument, common]), target[:, 0])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.data_sheet.derived import DerivedMode, derived
+from satid_gym.data_sheet.consequences import DerivedMode, derived
 from satid_gym.identification.delays import Parameter
 from satid_gym.identification.flexible_body.search import scaled, search
 from satid_gym.satellite import Satellite

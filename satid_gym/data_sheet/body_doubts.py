@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from satid_gym.data_sheet.appendage_doubts import oscillator_doubts, tracker_doubts
-from satid_gym.data_sheet.derived import derived
+from satid_gym.data_sheet.consequences import derived
 from satid_gym.satellite import Satellite
 
 _BOX = 10.0  # moment over that of a uniform box, or its inverse
