@@ -1,4 +1,4 @@
-"""Data sheet of a satellite, looked over before it is believed: what follows from it, what it leaves out, and doubts."""
+"""Data sheet of a satellite, looked over: what follows from it, what it leaves out, and doubts."""
 
 from satid_gym.data_sheet.body_doubts import doubts
 from satid_gym.data_sheet.consequences import Derived, DerivedMode, derived
