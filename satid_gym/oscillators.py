@@ -14,7 +14,7 @@ from satid_gym.rigid_body import part_inertia, point_inertia, turn_slope
 OSCILLATORS_MAX = 8  # of a satellite, the two of a mirrored pair counted apart
 _UNIT_TOLERANCE = 1e-6  # of a direction, whose length must be 1
 _OWN = (("hinge", "axis", "arm"), ("position", "direction"))  # names that only panels, only slosh masses have
-_DAMPING_MAX, _LOG_STD_MAX = 0.5, 0.5
+DAMPING_MAX, _LOG_STD_MAX = 0.5, 0.5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,7 +51,7 @@ class Oscillator(Config, abc.ABC):
         super().__post_init__()
         check_number("oscillator mass", self.mass, strict=True)
         check_number("oscillator frequency", self.frequency, strict=True)
-        check_number("oscillator damping", self.damping, high=_DAMPING_MAX)
+        check_number("oscillator damping", self.damping, high=DAMPING_MAX)
         for name in ("mass_std", "frequency_std", "damping_std"):
             check_number(name, getattr(self, name), high=_LOG_STD_MAX)
         check_number("deflection_std", self.deflection_std)

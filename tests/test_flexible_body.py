@@ -76,3 +76,16 @@ def test_readings_too_far_apart_to_follow_them_leave_the_body_rigid():
     (note,) = [note for note in found.notes if "too far apart to follow" in note]
     assert "are off by up to that" in note
     assert not any("oscillator" in parameter.name for parameter in found.parameters)
+
+
+def test_a_mass_that_turns_nothing_and_a_damping_near_its_range_do_no_harm():
+    """A tank on the axis along which it sloshes, and one whose damping may be beyond what is allowed."""
+    _, log = recorded("tank")
+    still = TANK.replace(position=[0.0, 0.0, 0.2], direction=[0.0, 0.0, 1.0], **KNOWN_TO)
+    stiff = TANK.replace(damping=0.3, damping_std=0.5)
+    sheet = SATELLITES["microsat"].replace(gyro_noise_std=1e-5, oscillators=[still, stiff])
+    found = identify(log, sheet, window=80.0)
+    assert all(parameter.determined and parameter.std > 0.0 for parameter in found.parameters)
+    assert {"frequency of oscillator 1", "damping of oscillator 2"} <= {
+        parameter.name for parameter in found.parameters
+    }

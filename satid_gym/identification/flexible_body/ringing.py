@@ -27,7 +27,8 @@ def rung(window: Window, satellite: Satellite, *, straight: bool = False) -> Win
     The target has what modes at rest would do. Between readings the wheels' momentum runs on lines, since motors hold
     their torque, and the rate bends with it; `straight`, the rate runs on lines too.
     """
-    if not satellite.modes:
+    modes = satellite.modes
+    if not modes:
         return window
     omega, target, own = window.omega, window.target, [window.own]
     since = window.time - window.time[0]
@@ -36,7 +37,7 @@ def rung(window: Window, satellite: Satellite, *, straight: bool = False) -> Win
     by_wheels = np.linalg.solve(satellite.inertia, window.target.T).T
     smooth = make_interp_spline(since, omega - by_wheels, k=1 if straight else 3)(fine)
     drive = smooth + make_interp_spline(since, by_wheels, k=1)(fine)
-    for mode in satellite.modes:
+    for mode in modes:
         w, zeta = 2.0 * np.pi * mode.frequency, mode.damping
         inputs = (drive - drive[0]) @ mode.coupling, 0.5 * np.einsum("ni,ij,nj->n", drive, mode.inertia_slope, drive)
         deflection, rate = (np.interp(since, fine, part) for part in _filtered(*inputs, fine[1], w, zeta))
@@ -46,8 +47,10 @@ def rung(window: Window, satellite: Satellite, *, straight: bool = False) -> Win
         wave = np.exp(pole * since)
         waves = (part[:, None] for part in (wave.real, -wave.imag, (pole * wave).real, -(pole * wave).imag))
         eta, quarter, eta_rate, quarter_rate = waves
-        columns = (eta_rate * mode.coupling + eta * lean, quarter_rate * mode.coupling + quarter * lean)
-        own.append(np.stack(columns, axis=2) / (w * np.linalg.norm(mode.coupling)))
+        free = (eta_rate * mode.coupling + eta * lean, quarter_rate * mode.coupling + quarter * lean)
+        columns = np.stack(free, axis=2)
+        if (size := np.linalg.norm(columns)) > 0.0:  # not of a mass that moves along its own radius
+            own.append(columns * (np.sqrt(len(window)) / size))
     return replace(window, target=target, own=np.concatenate(own, axis=2))
 
 

@@ -19,7 +19,7 @@ from satid_gym.identification.fit import projected_rows, solve
 from satid_gym.identification.flexible_body.ringing import rung
 from satid_gym.identification.judgement import scatter
 from satid_gym.identification.rows import Window
-from satid_gym.oscillators import Panel
+from satid_gym.oscillators import DAMPING_MAX, Panel
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 
@@ -27,8 +27,8 @@ _REACH = 4.0  # standard deviations of the data sheet that are searched
 _SHORT = 6.0  # oscillations in the windows of the first, wide search
 _SLIP = 0.1  # of an oscillation, in a window, between two frequencies that are tried
 _TRIED = 12  # windows of a search
-_INSIDE = 1.0 - 1e-6
-_SWEEPS = 2
+_INSIDE = 1.0 - 1e-6  # of what is searched, where least squares may begin
+_SWEEPS = 2  # of both searches: the best value of one unknown depends on the others
 Unknowns = Sequence[tuple[int, str]]
 """Number of an oscillator, and "frequency", "damping" or "mass"."""
 
@@ -36,13 +36,14 @@ Unknowns = Sequence[tuple[int, str]]
 def scaled(satellite: Satellite, unknowns: Unknowns, values: np.ndarray) -> Satellite:
     """Satellite with each unknown at its nominal value times exp of its value.
 
-    A panel's inertia goes with its mass, and what does not move stays as it is.
+    A panel's inertia goes with its mass, what does not move stays as it is, and damping within its range.
     """
     changed = list(satellite.oscillators)
     for (place, what), value in zip(unknowns, values, strict=True):
         old, factor = changed[place], float(np.exp(value))
         inertia = {"inertia": old.inertia * factor} if what == "mass" and isinstance(old, Panel) else {}
-        changed[place] = old.replace(**{what: getattr(old, what) * factor}, **inertia)
+        size = getattr(old, what) * factor
+        changed[place] = old.replace(**{what: min(size, DAMPING_MAX) if what == "damping" else size}, **inertia)
     added, mass = np.zeros((3, 3)), 0.0
     for new, old in zip(changed, satellite.oscillators, strict=True):
         added, mass = added + new.inertia_at_rest - old.inertia_at_rest, mass + new.count * (new.mass - old.mass)
