@@ -65,16 +65,18 @@ def _show(satellite: Satellite) -> None:
 
 
 def _show_modes(modes: Sequence[DerivedMode]) -> None:
-    """Table of panels and tanks; `deflection` is the largest after a step to full torque."""
+    """Table of panels and tanks."""
     if not modes:
         return
-    print(f"\n{'oscillator':24s}{'held, Hz':>10s}{'free, Hz':>10s}{'share of the moment, %':>24s}", end="")
-    print(f"{'full torque':>14s}{'limit':>10s}")
+    print(f"\n{'panels and tanks':20s}{'held, Hz':>10s}{'free, Hz':>10s}", end="")
+    print(f"{'share of x, y, z, %':>22s}{'deflection':>14s}{'its limit':>11s}")
     for number, mode in enumerate(modes, 1):
         limit = "none" if mode.limit is None else f"{mode.limit:.3g}"
         share = " ".join(f"{100.0 * value:.1f}" for value in mode.share)
-        print(f"{f'{number}, {mode.kind}':24s}{mode.held:10.3g}{mode.free:10.3g}{share:>24s}", end="")
-        print(f"{f'{mode.deflection:.2g} {mode.unit}':>14s}{limit:>10s}")
+        print(f"{f'{number}, {mode.kind}':20s}{mode.held:10.3g}{mode.free:10.3g}", end="")
+        print(f"{share:>22s}{f'{mode.deflection:.2g} {mode.unit}':>14s}{limit:>11s}")
+    print("  frequency with the body held and free to turn; share of the moments that moves with")
+    print("  the mode; largest deflection after a step from no torque to all of it about an axis")
 
 
 def _list(title: str, lines: list[str], without: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from satid_gym.modes import mode_of
+from satid_gym.modes import fastest_oscillation, mode_of
 from satid_gym.oscillators import Oscillator, Panel
 from satid_gym.satellite import Satellite
 
@@ -90,7 +90,7 @@ def _derived_mode(satellite: Satellite, oscillator: Oscillator) -> DerivedMode:
         kind=f"pair of {what}{'es' if what.endswith('mass') else 's'}" if oscillator.mirrored else what,
         unit=measure,
         held=oscillator.frequency,
-        free=mode.frequency / float(np.sqrt(1.0 - mode.coupling @ pull)),
+        free=fastest_oscillation([mode], satellite.inertia) / (2.0 * np.pi),
         share=mode.coupling**2 / np.diag(satellite.inertia),
         deflection=_STEP * float(static) / mode.deflection_limit,
         limit=oscillator.deflection_limit,

@@ -10,8 +10,8 @@ import numpy as np
 from satid_gym.estimators.batch.fit import NotIdentifiedError
 from satid_gym.estimators.inertia import PRODUCTS, inertia_parameters
 from satid_gym.identification.fit import Fit, fit
-from satid_gym.identification.flexible_body.ringing import rung
-from satid_gym.identification.rows import ROWS_MIN, Window, windows_of
+from satid_gym.identification.flexible_body.modal_momentum import flexible_windows
+from satid_gym.identification.rows import ROWS_MIN, Window
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 
@@ -57,28 +57,16 @@ def all_windows(
     biases: np.ndarray,
     *,
     straight: bool = False,
-    rings: bool = True,
+    modes: bool = True,
 ) -> list[Window]:
-    """Windows of all logs, at the present estimate of theta (6,), and of delays (F, 2) and biases (F, 3) of each.
-
-    rings: whether with what the satellite's panels and tanks do in them.
-    """
-    found = [
+    """Windows of all logs, at the present estimate of theta (6,), and of delays (F, 2) and biases (F, 3) of each."""
+    return [
         row
         for number, log in enumerate(logs)
-        for row in windows_of(
-            log,
-            number,
-            satellite.wheels,
-            theta,
-            delays[number],
-            biases[number],
-            window,
-            unbroken=bool(satellite.oscillators),
-            straight=straight,
+        for row in flexible_windows(
+            log, number, satellite, theta, delays[number], biases[number], window, straight=straight, modes=modes
         )
     ]
-    return [rung(row, satellite, straight=straight) for row in found] if rings else found
 
 
 def estimate(

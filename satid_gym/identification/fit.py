@@ -97,7 +97,7 @@ def fit(
     weights = [np.ones(len(window)) for window in windows]
     sigma, jitter = first_noise(windows), 0.0
     for _ in range(_ROUNDS):
-        std = [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
+        std = row_stds(windows, sigma, jitter)
         ready = [projected_rows(w, s, weight) for w, s, weight in zip(windows, std, weights, strict=True)]
         theta, covariance, shares = solve(windows, ready, scale, common_std, given)
         residuals = [
@@ -105,7 +105,7 @@ def fit(
             for window, s, weight in zip(windows, std, weights, strict=True)
         ]
         sigma, jitter = noise_of(windows, residuals)
-        std = [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
+        std = row_stds(windows, sigma, jitter)
         normal = [residual / s for residual, s in zip(residuals, std, strict=True)]
         before, weights = weights, [bisquare(rows) for rows in normal]
         if max(np.abs(new - old).max() for new, old in zip(weights, before, strict=True)) < 1e-3:
@@ -125,6 +125,11 @@ def fit(
     )
 
 
+def row_stds(windows: Sequence[Window], sigma: np.ndarray, jitter: float) -> list[np.ndarray]:
+    """Standard deviations (N, 3) of each window's rows, N m s."""
+    return [np.sqrt(sigma**2 + (jitter * window.motion) ** 2) for window in windows]
+
+
 def projected(window: Window, std: np.ndarray, weight: np.ndarray, *parts: np.ndarray) -> list[np.ndarray]:
     """Parts (N, 3, k) of a window's rows as (3 N, k) in units of noise, without what the window has for itself."""
     root = (np.sqrt(weight)[:, None] / std)[..., None]
@@ -142,11 +147,7 @@ def projected_rows(window: Window, std: np.ndarray, weight: np.ndarray) -> Rows:
 
 
 def solve(
-    windows: Sequence[Window],
-    ready: list[Rows],
-    scale: np.ndarray,
-    common_std: np.ndarray,
-    given: np.ndarray | None,
+    windows: Sequence[Window], ready: list[Rows], scale: np.ndarray, common_std: np.ndarray, given: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, dict[int, FlightShare]]:
     """Theta, its covariance, and the flights' shares."""
     flights = sorted({window.flight for window in windows})
@@ -192,9 +193,8 @@ def residual_of(
     known = np.broadcast_to(theta, (len(window), 6))
     rest = window.target - np.einsum("nip,np->ni", window.regressor, known) - window.common @ common
     root = (np.sqrt(weight)[:, None] / std)[..., None]
-    own = np.linalg.lstsq((window.own * root).reshape(3 * len(window), -1), (rest * root[..., 0]).ravel(), rcond=1e-9)[
-        0
-    ]
+    design = (window.own * root).reshape(3 * len(window), -1)
+    own = np.linalg.lstsq(design, (rest * root[..., 0]).ravel(), rcond=1e-9)[0]
     return rest - window.own @ own
 
 

@@ -53,7 +53,7 @@ def cache_of(function: Callable[..., Any]) -> KernelCache | NoCache:
         return NoCache()
 
 
-_SECONDS = 40  # that the core takes to compile
+_SECONDS = 50  # that the core takes to compile
 _said: set[str] = set()
 
 

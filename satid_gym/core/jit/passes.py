@@ -74,6 +74,7 @@ class _Passes(PassManager):
 
 _call_types: dict[Any, tuple[Any, Any]] = {}  # signature and key of the implementation, by function and argument types
 _find_call_type = BaseFunction.get_call_type
+_WITHOUT_VARIABLES = {ir.Loc, str, int, type(None)}  # parts of statements
 
 
 @contextlib.contextmanager
@@ -116,6 +117,3 @@ def _variables(statement: ir.Inst, value: Any) -> list[ir.Var]:
         elif type(part) not in _WITHOUT_VARIABLES:
             found.extend(_variables(statement, part))
     return found
-
-
-_WITHOUT_VARIABLES = {ir.Loc, str, int, type(None)}

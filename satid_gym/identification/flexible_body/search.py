@@ -1,8 +1,7 @@
-"""Search for what logs tell of panels and tanks.
+"""Least squares for the frequency, damping and mass of panels and tanks.
 
-With theta and all else eliminated, the rest of the momentum balance is a function of these few unknowns. It has many
-valleys over a frequency, one for each oscillation more in a window, so a grid finds the deepest, and least squares its
-bottom.
+With theta and all else eliminated, the residual of the momentum balance is a function of these few unknowns. Over a
+frequency it has many local minima, one for each oscillation more in a window, so a grid comes first.
 Source: Golub and Pereyra, Inverse Problems 19(2), 2003 (variable projection).
 """
 
@@ -15,8 +14,8 @@ from scipy.optimize import least_squares
 
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.identification.estimate import Estimated, all_windows, common_stds, estimate, theta_sizes
-from satid_gym.identification.fit import projected_rows, solve
-from satid_gym.identification.flexible_body.ringing import rung
+from satid_gym.identification.fit import projected_rows, row_stds, solve
+from satid_gym.identification.flexible_body.modal_momentum import with_modes
 from satid_gym.identification.judgement import scatter
 from satid_gym.identification.rows import Window
 from satid_gym.oscillators import DAMPING_MAX, Panel
@@ -62,29 +61,29 @@ def search(logs: Sequence[Log], nominal: Satellite, window: float, unknowns: Unk
         oscillation = 1.0 / nominal.oscillators[unknowns[k][0]].frequency
         reach, around = _REACH * std[k], 0.0
         for length in sorted({min(window, _SHORT * oscillation), window}):
-            rest = _Rest(_busiest(_windows(logs, nominal, length, theta, start)), logs, nominal, unknowns)
+            residual = _Residual(_busiest(_windows(logs, nominal, length, theta, start)), logs, nominal, unknowns)
             step = _SLIP * oscillation / length
-            values[k] = around = _deepest(
-                rest, values, k, std[k], around + step * np.arange(-(reach // step), reach // step + 1)
+            values[k] = around = _best_of(
+                residual, values, k, std[k], around + step * np.arange(-(reach // step), reach // step + 1)
             )
             reach = 2.0 * step
     for _ in range(_SWEEPS):
         start = estimate(logs, scaled(nominal, unknowns, values), window)
         fit, windows = start.fit, _windows(logs, nominal, window, start.fit.theta, start)
-        noise = [np.sqrt(fit.sigma**2 + (fit.jitter * window.motion) ** 2) for window in windows]
-        rest = _Rest(windows, logs, nominal, unknowns, noise, fit.weights)
-        values, jacobian = _bottom(rest, values, std)
-    apart = values - _bottom(lambda x: rest(x, straight=True), values, std)[0]
+        noise = row_stds(windows, fit.sigma, fit.jitter)
+        residual = _Residual(windows, logs, nominal, unknowns, noise, fit.weights)
+        values, jacobian = _refined(residual, values, std)
+    apart = values - _refined(lambda x: residual(x, straight=True), values, std)[0]
     inflation = max([1.0, *(ratio for ratio in scatter(start.fit) if np.isfinite(ratio))])
     return values, inflation * np.linalg.inv(jacobian.T @ jacobian) + np.outer(apart, apart)
 
 
-def _bottom(
-    rest: Callable[[np.ndarray], np.ndarray], values: np.ndarray, std: np.ndarray
+def _refined(
+    residual: Callable[[np.ndarray], np.ndarray], values: np.ndarray, std: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (k,) with the least rest and prior together, and their derivative by the values."""
+    """Values (k,) with the least residual and prior together, and the residual's derivative by them."""
     found = least_squares(
-        lambda x: np.concatenate([rest(x), x / std]),
+        lambda x: np.concatenate([residual(x), x / std]),
         np.clip(values, -_INSIDE * _REACH * std, _INSIDE * _REACH * std),
         bounds=(-_REACH * std, _REACH * std),
         x_scale=std,
@@ -95,20 +94,20 @@ def _bottom(
     return found.x, found.jac
 
 
-def _deepest(rest: _Rest, values: np.ndarray, k: int, std: float, tried: np.ndarray) -> float:
-    """Value of unknown k among those tried with the least rest and prior together."""
-    depth = []
+def _best_of(residual: _Residual, values: np.ndarray, k: int, std: float, tried: np.ndarray) -> float:
+    """Value of unknown k among those tried with the least residual and prior together."""
+    cost = []
     for value in tried:
-        rows = rest(np.where(np.arange(len(values)) == k, value, values))
-        depth.append(len(rows) * np.log(rows @ rows) + (value / std) ** 2)
-    return float(tried[np.argmin(depth)])
+        rows = residual(np.where(np.arange(len(values)) == k, value, values))
+        cost.append(len(rows) * np.log(rows @ rows) + (value / std) ** 2)
+    return float(tried[np.argmin(cost)])
 
 
 def _windows(
     logs: Sequence[Log], satellite: Satellite, length: float, theta: np.ndarray, start: Estimated
 ) -> list[Window]:
     """Windows of a length, s, without what modes do in them."""
-    return all_windows(logs, satellite, length, theta, start.delays, start.biases, rings=False)
+    return all_windows(logs, satellite, length, theta, start.delays, start.biases, modes=False)
 
 
 def _busiest(windows: list[Window]) -> list[Window]:
@@ -117,8 +116,8 @@ def _busiest(windows: list[Window]) -> list[Window]:
     return [windows[k] for k in sorted(np.argsort(motion)[-_TRIED:])]
 
 
-class _Rest:
-    """Rest of the momentum balance, in units of noise, as a function of the unknowns; theta and all else eliminated.
+class _Residual:
+    """Residual of the momentum balance, in units of noise, by the unknowns; theta and all else are eliminated.
 
     Args:
         windows: without what modes do in them.
@@ -143,7 +142,7 @@ class _Rest:
 
     def __call__(self, values: np.ndarray, *, straight: bool = False) -> np.ndarray:
         satellite = scaled(self.nominal, self.unknowns, values)
-        windows = [rung(window, satellite, straight=straight) for window in self.windows]
+        windows = [with_modes(window, satellite, straight=straight) for window in self.windows]
         ready = [projected_rows(*parts) for parts in zip(windows, self.noise, self.weights, strict=True)]
         theta, _, shares = solve(windows, ready, self.sizes, self.common, None)
         return np.concatenate(

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from satid_gym.identification.estimate import common_stds, theta_sizes
-from satid_gym.identification.flexible_body.ringing import rung
-from satid_gym.identification.rows import Window, windows_of
+from satid_gym.identification.flexible_body.modal_momentum import flexible_windows
+from satid_gym.identification.rows import Window
 from satid_gym.identification.variation.changes import Likelihood
 from satid_gym.identification.variation.course import Course
 from satid_gym.identification.variation.instants import Instant, Surroundings, step_instant
@@ -36,18 +36,16 @@ class Search:
 
     def windows(self, log: Log, flight: int, breaks: Sequence[float], window: float) -> list[Window]:
         """Windows of a part of a flight's log."""
-        found = windows_of(
+        return flexible_windows(
             log,
             flight,
-            self.satellite.wheels,
+            self.satellite,
             self.theta,
             self.delays[flight],
             self.biases[flight],
             window,
-            unbroken=bool(self.satellite.oscillators),
             breaks=breaks,
         )
-        return [rung(one, self.satellite) for one in found]
 
     def build(self, drifts: bool, walk: float) -> tuple[Course, Balance]:
         """Constant course between the steps, and balance with the noise, biases and delays of a drift of size q."""

@@ -1,4 +1,4 @@
-"""Momentum of panels and tanks in a window of readings.
+"""Momentum of panels and tanks in windows of readings.
 
 A mode (`satid_gym.modes.Mode`) adds c d eta/dt + S eta omega to the momentum, S its `inertia_slope`, and is driven by
 the rate, eta'' + 2 zeta w eta' + w^2 eta = -c^T d omega/dt + omega^T S omega / 2. The rate is measured, so that is a
@@ -8,32 +8,54 @@ linear filter of what is known.
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy.signal
 from scipy.interpolate import make_interp_spline
 
-from satid_gym.identification.rows import Window
+from satid_gym.identification.rows import Window, windows_of
 from satid_gym.satellite import Satellite
+from satid_gym.telemetry import Log
 
 _FINE = 4  # steps of the filter between two readings
 _CACHED = 256
 
 
-def rung(window: Window, satellite: Satellite, *, straight: bool = False) -> Window:
-    """Window with the momentum that its rates make of the satellite's modes, and a free oscillation of each as its own.
+def flexible_windows(
+    log: Log,
+    flight: int,
+    satellite: Satellite,
+    theta: np.ndarray,
+    delays: np.ndarray,
+    bias: np.ndarray,
+    length: float,
+    *,
+    straight: bool = False,
+    breaks: Sequence[float] = (),
+    modes: bool = True,
+) -> list[Window]:
+    """Windows of a log, as of `windows_of`, with the momentum of the satellite's modes unless `modes` is false."""
+    unbroken = bool(satellite.oscillators)
+    found = windows_of(
+        log, flight, satellite.wheels, theta, delays, bias, length, unbroken=unbroken, straight=straight, breaks=breaks
+    )
+    return [with_modes(window, satellite, straight=straight) for window in found] if modes else found
 
-    The target has what modes at rest would do. Between readings the wheels' momentum runs on lines, since motors hold
-    their torque, and the rate bends with it; `straight`, the rate runs on lines too.
+
+def with_modes(window: Window, satellite: Satellite, *, straight: bool = False) -> Window:
+    """Window whose target has the momentum that the rates give modes at rest, with columns for a free oscillation.
+
+    Between readings the wheels' momentum is interpolated on lines, since motors hold their torque, and the rate is a
+    spline plus what the wheels' momentum does to it; `straight`, the rate is on lines too.
     """
     modes = satellite.modes
     if not modes:
         return window
     omega, target, own = window.omega, window.target, [window.own]
     since = window.time - window.time[0]
-    steps = _FINE * (len(since) - 1)
-    fine = np.linspace(0.0, since[-1], steps + 1)
+    fine = np.linspace(0.0, since[-1], _FINE * (len(since) - 1) + 1)
     by_wheels = np.linalg.solve(satellite.inertia, window.target.T).T
     smooth = make_interp_spline(since, omega - by_wheels, k=1 if straight else 3)(fine)
     drive = smooth + make_interp_spline(since, by_wheels, k=1)(fine)
@@ -41,16 +63,13 @@ def rung(window: Window, satellite: Satellite, *, straight: bool = False) -> Win
         w, zeta = 2.0 * np.pi * mode.frequency, mode.damping
         inputs = (drive - drive[0]) @ mode.coupling, 0.5 * np.einsum("ni,ij,nj->n", drive, mode.inertia_slope, drive)
         deflection, rate = (np.interp(since, fine, part) for part in _filtered(*inputs, fine[1], w, zeta))
-        lean = omega @ mode.inertia_slope
-        target = target - rate[:, None] * mode.coupling - deflection[:, None] * lean
+        by_deflection = omega @ mode.inertia_slope  # momentum by eta
+        target = target - rate[:, None] * mode.coupling - deflection[:, None] * by_deflection
         pole = w * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
-        wave = np.exp(pole * since)
-        waves = (part[:, None] for part in (wave.real, -wave.imag, (pole * wave).real, -(pole * wave).imag))
-        eta, quarter, eta_rate, quarter_rate = waves
-        free = (eta_rate * mode.coupling + eta * lean, quarter_rate * mode.coupling + quarter * lean)
-        columns = np.stack(free, axis=2)
-        if (size := np.linalg.norm(columns)) > 0.0:  # not of a mass that moves along its own radius
-            own.append(columns * (np.sqrt(len(window)) / size))
+        eta, eta_rate = np.exp(pole * since)[:, None], (pole * np.exp(pole * since))[:, None]
+        free = eta_rate * mode.coupling + eta * by_deflection
+        if (size := np.linalg.norm(free)) > 0.0:  # not of a mass that moves along its own radius
+            own.append(np.stack([free.real, -free.imag], axis=2) * (np.sqrt(len(window)) / size))
     return replace(window, target=target, own=np.concatenate(own, axis=2))
 
 
