@@ -4,6 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 # a file to a process, so that no two compile the same kernels or make the same fixture; tests/conftest.py has the order
 PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
+INTERPRETED = $(shell grep -l "mark.interpreted" tests/test_*.py)
 # of the library alone: what trains and draws has lower bounds of its own
 LOWEST := $(addprefix tests/test_,algebra.py dynamics.py filters.py golden.py laws.py pilot.py profiles.py telemetry.py vector.py)
 # Ray leaves threads in a process that has started it, so its tests and the other trainers' do not share one
@@ -31,7 +32,8 @@ compare-all: setup  ## the standing table: every policy in every scenario (an ho
 	$(RUN) -m agents.standing
 
 test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
-	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk and not reach"
+	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk and not reach and not interpreted"
+	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto -m interpreted $(INTERPRETED)
 
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
 	$(RUN) -m pytest $(PARALLEL) -m slow

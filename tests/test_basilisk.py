@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from baselines.command import cli
+from baselines.identification.recorded import slews
 from baselines.studies import basilisk as study
 from baselines.studies.worlds import on_pyramid
 from satid_gym import (
@@ -33,9 +34,11 @@ from satid_gym.appendages import panel_pair
 from satid_gym.core import kernels
 from satid_gym.core.observation import MODE_PLACES
 from satid_gym.estimators import AdaptiveEKF
+from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.evaluation import fly, seeds
 from satid_gym.fleet import Fleet
 from satid_gym.friction import WheelFriction
+from satid_gym.identification import identify
 from satid_gym.oscillators import Oscillator, Panel
 from satid_gym.policies import find
 from satid_gym.policies.rate_square import RateSquarePolicy
@@ -43,6 +46,7 @@ from satid_gym.policies.shaped_square import ShapedSquarePolicy
 from satid_gym.problem import problem
 from satid_gym.scenario import prior_of
 from satid_gym.star_tracker import earth_angle
+from satid_gym.telemetry import Log
 from satid_gym.truth import Episode
 from satid_gym.truth.kernels import draw
 from tests.flexible import BOOM, PANELS, TANK
@@ -598,6 +602,41 @@ def test_panel_tour_spares_basilisks_panels():
     assert own["cost"].mean() <= 0.01
     for name in ("cost", "mean_error", "final_error", "nees"):
         np.testing.assert_allclose(theirs[name], own[name], rtol=0.05, atol=1e-4)
+
+
+TOLD = {"mass_std": 0.1, "frequency_std": 0.2, "damping_std": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("nominal", "times"), [(PANELS, 20.0), (TANK.replace(frequency=0.2), 2.0)], ids=["panels", "tank"]
+)
+def test_the_inertia_is_identified_from_a_log_of_basilisk(nominal, times):
+    """300 s of slews, panels or tank off nominal; a rigid body's error is so many times as large."""
+    generator, own = np.random.default_rng(7), nominal.replace(**TOLD)
+    sheet = SATELLITES["microsat"].replace(gyro_noise_std=1e-5, oscillators=(own,))
+    truth = sheet.replace(inertia=1.05 * sheet.inertia, oscillators=(drawn(own, generator),))
+    theirs, seen = Measured(), []
+    theirs.begin(truth, generator.uniform(-90.0, 90.0, 3))
+    for torque in slews(truth, generator, 300.0):
+        seen.append(theirs.readings()[1:])
+        theirs.push_on(torque)
+    gyro, speed = (np.array(rows)[1:] for rows in zip(*seen, strict=True))  # its IMU has no reading at time 0
+    gyro += generator.normal([1e-3, -1e-3, 5e-4], sheet.gyro_noise_std, gyro.shape)
+    speed += generator.normal(0.0, sheet.tachometer_noise_std, speed.shape)
+    log = Log(time=PERIOD * np.arange(len(gyro)), rate=gyro, wheel_speed=speed)
+    found, rigid = identify(log, sheet), identify(log, sheet.replace(oscillators=()))
+    mean = np.diag(truth.inertia).mean()
+    error, of_rigid = (
+        np.array([p.value for p in result.parameters[:6]]) - inertia_parameters(truth.inertia, "full")
+        for result in (found, rigid)
+    )
+    largest, of_rigid = (np.abs(errors).max() / mean for errors in (error, of_rigid))
+    print(f"largest error {largest:.1e} of the mean moment, {of_rigid:.1e} as a rigid body")
+    assert largest < 3e-4
+    assert of_rigid > times * largest
+    assert (np.abs(error) < 4.0 * np.sqrt(np.diag(found.covariance))).all()
+    (frequency,) = [p for p in found.parameters if p.name == "frequency of oscillator 1"]
+    assert frequency.value == pytest.approx(truth.oscillators[0].frequency, rel=0.01)
 
 
 def test_basilisk_in_the_loop():

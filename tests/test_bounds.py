@@ -49,6 +49,7 @@ def square(satellite: Satellite, seconds: int, period: int = 6) -> np.ndarray:
     return np.where(np.mod(phase, 1.0) < 0.5, 1.0, -1.0) * satellite.wheels.max_torque
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 @pytest.mark.parametrize("walk", [0.0, 0.004])
 def test_posterior_bound_is_the_information_recursion(skewed: Satellite, parameters: str, walk: float) -> None:

@@ -256,6 +256,7 @@ def test_jacobian_of_the_rate_model(shape, states):
     np.testing.assert_allclose(ekf._slope_jacobian(x, acceleration), expected, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.interpreted
 @cases("shape", ["principal", "full"])
 @cases("new", [MomentumEKF, RateEKF])
 def test_transition_of_the_compiled_filter(new, shape, states):
@@ -424,6 +425,7 @@ def assert_same_belief(fast, slow, tolerance: float = 1e-10) -> None:
     np.testing.assert_allclose(fast.covariance / size, slow.covariance / size, rtol=0, atol=tolerance)
 
 
+@pytest.mark.interpreted
 @cases("spread", [0.2, 0.07, 0.03])
 @cases("substeps", [1, 3])
 @cases(("name", "parameters"), [*SHAPES, ("slender", "principal")])
@@ -454,6 +456,7 @@ def test_a_step_of_the_momentum_filter_is_filterpys(name, parameters, substeps, 
         assert fast.constrained_updates == 0
 
 
+@pytest.mark.interpreted
 @cases(("name", "parameters"), SHAPES)
 def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
     satellite = request.getfixturevalue(name)
@@ -491,6 +494,7 @@ def test_a_step_of_the_rate_filter_is_filterpys(name, parameters, request):
         assert_same_belief(fast, slow)
 
 
+@pytest.mark.interpreted
 @cases(("left", "fraction"), [(0.5, 1.0), (0.07, 1.0), (0.03, 0.5), (-0.8, 0.5), (-0.95, 0.25), (-59.0, 2.0**-6)])
 @cases(("name", "parameters"), SHAPES)
 def test_an_update_is_halved_until_a_twentieth_of_the_prior_is_left(name, parameters, left, fraction, request):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from baselines.identification.coverage import KINDS, coverage, distances
 from baselines.identification.recorded import CUBESAT, clean_log, drawn, motion, write_downlink
 from satid_gym.estimators.inertia import inertia_parameters
 from satid_gym.identification import NotIdentifiedError, SlipError, identify
+from satid_gym.identification.bad_readings.saturation import without_saturated
+from satid_gym.identification.bad_readings.spikes import without_spikes
 from satid_gym.identification.record import lines, record
 from satid_gym.identification.rotors import rotor_inertias
-from satid_gym.identification.spikes import without_spikes
 from satid_gym.identification.variation.steps_and_drift import Step, is_of_a_satellite
 from satid_gym.telemetry import Log, read_log, read_logs
 from satid_gym.telemetry.units import RPM
@@ -216,6 +218,39 @@ def test_a_motion_of_one_reading_is_no_spike():
     assert cleaned.notes == ("1 spikes of the gyro left out, the largest of 0.1 rad/s",)
     assert np.isnan(cleaned.rate).sum() == 1
     assert faults == []
+
+
+def test_a_gyro_at_the_end_of_its_range_is_named_and_its_readings_are_left_out():
+    truth, log = clean()
+    end = 0.6 * np.abs(log.rate).max(axis=0)
+    found = identify(dataclasses.replace(log, rate=np.clip(log.rate, -end, end)), CUBESAT)
+    assert np.abs(distances(found, truth)[0]).max() < 3.5
+    wider = np.sqrt(np.diag(found.covariance) / np.diag(identify(log, CUBESAT).covariance))
+    print(f"the intervals are {wider.min():.1f} to {wider.max():.1f} times as wide as with the whole log")
+    assert wider.max() < 4.0
+    named = [note for note in found.notes if "at the end of its range" in note]
+    assert len(named) == 3
+    assert not any("wheel" in note for note in found.notes)
+    for axis, limit, note in zip("xyz", end, named, strict=True):
+        left_out = rf"\d+ readings of gyro {axis} left out: they are at the end of its range, {limit:.3g} rad/s"
+        assert re.search(left_out, note)
+
+
+def test_a_range_of_the_data_sheet_is_taken_as_it_is_and_a_gyro_with_coarse_steps_is_let_be():
+    _, log = clean()
+    ranged = CUBESAT.replace(sensors={"gyro_range": 0.5})
+    fast = dataclasses.replace(log, rate=log.rate.copy())
+    fast.rate[[5, 70], 1] = 0.5, -0.5
+    (cleaned,) = without_saturated([fast], ranged)
+    np.testing.assert_array_equal(np.argwhere(np.isnan(cleaned.rate)), [[5, 1], [70, 1]])
+    assert cleaned.notes == ("2 readings of gyro y left out: they are at the end of its range, 0.5 rad/s",)
+    assert without_saturated([log], ranged) == [log]
+    steps = np.abs(log.rate).max(axis=0) / 6.0
+    coarse = dataclasses.replace(log, rate=steps * np.round(log.rate / steps))
+    resting = dataclasses.replace(log, rate=np.minimum(log.rate, 0.0))
+    still = dataclasses.replace(log, rate=np.full_like(log.rate, 0.1))
+    for other in (coarse, resting, still):
+        assert without_saturated([other], CUBESAT) == [other]
 
 
 def test_torque_from_outside_that_is_known_is_taken_into_account():

@@ -29,6 +29,7 @@ from satid_gym.policy import only_mission
 from satid_gym.problem import problem
 from satid_gym.profiles import PROFILES
 from tests.cases import cases
+from tests.tolerances import ALL
 
 QUICK = Effort(population=16, rounds=3, episodes=4, flights=24)
 MICROSAT = SATELLITES["microsat"]
@@ -151,7 +152,7 @@ def test_limits_of_pointing_are_held_by_the_flights():
 
 
 def test_an_accuracy_that_tolerances_forbid_is_refused_with_their_names():
-    unsure = MICROSAT.replace(tolerances={"gyro_bias": 1e-5, "gyro_scale": 2e-3})
+    unsure = MICROSAT.replace(tolerances={**dict.fromkeys(ALL, 1e-6), "gyro_scale": 2e-3})
     with pytest.raises(NotPossibleError, match=r"do not help: give smaller tolerances \(gyro_scale\), wider limits or"):
         design(unsure, duration=60.0, accuracy=2e-4, effort=Effort(population=8, rounds=1, episodes=2, flights=8))
 

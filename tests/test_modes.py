@@ -83,7 +83,7 @@ def flown(body, inertia="drift", **scenario):
         inertia=inertia,
         seeds=[90_001],
         scenario=Scenario(horizon=60.0, **scenario),
-        estimator={"name": "momentum", "parameters": "full", "flexible": False, "calibrate": False},
+        estimator={"name": "momentum", "flexible": False, "calibrate": False},
     )
     return recording.gyro[0], recording.tachometer[0], recording.dt
 

@@ -19,6 +19,9 @@ FIVE = np.column_stack([PYRAMID, [0.0, 0.0, 1.0]])
 SIX = np.column_stack([np.eye(3), np.eye(3)])
 
 
+FULL = {"name": "momentum", "parameters": "full"}  # as other tests with four wheels, whose kernels are compiled then
+
+
 def _wheels(axes):
     return ReactionWheels(axes=axes, inertia=2e-3, max_torque=0.1, max_speed=900.0)
 
@@ -39,7 +42,7 @@ def _flown(avoided, decisions=40, scenario=QUIET, range_=0.2):
     """Rates (N, 3) and wheel speeds (N, 4) of each decision, and the last share of time in the band."""
     satellite = on_pyramid(SATELLITES["microsat"], avoided)
     world = {**scenario, "wheel_speed_range": range_}
-    env = SatInertiaIDVectorEnv(6, satellite, "static", world, control="rate")
+    env = SatInertiaIDVectorEnv(6, satellite, "static", world, FULL, control="rate")
     env.reset(seed=3)
     rates, speeds, band = [], [], None
     for decision in range(decisions):

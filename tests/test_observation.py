@@ -88,7 +88,7 @@ def test_layout_is_contiguous_and_fills_the_space():
         ("momentum", "principal", 3, 37 + 6 + 9 * 8 // 2 - 9),
         ("momentum", "full", 4, 54 + 6 + 12 * 11 // 2 - 18),
         ("rate", "principal", 3, 37 + 6 + 9 * 8 // 2 - 9),
-        ("rate", "full", 4, 54 + 7 + 13 * 12 // 2 - 18),
+        ("rate", "full", 3, 52 + 6 + 12 * 11 // 2 - 18),
     ],
 )
 def test_the_covariance_follows_and_changes_nothing_before(name, parameters, wheels, size, pyramid):

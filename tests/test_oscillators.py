@@ -114,6 +114,7 @@ def test_environment_steps_resolve_the_oscillation():
     assert np.all(info["deflection"] >= np.abs(fine.deflection[-1]) * 0.99)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("world", [{}, {"friction": {"coulomb": 5e-3, "static": 8e-3}}], ids=["panels", "friction"])
 def test_a_gyro_that_integrates_leaves_the_motion_as_it_is(world):
     """It asks for the rate in the middle of each step of the integrator, which is no part of the motion."""

@@ -58,6 +58,7 @@ def assert_same(run, mean, covariance, rtol=1e-5):
     assert np.abs((run.covariance - covariance) / (std[:, :, None] * std[:, None, :])).max() < rtol
 
 
+@pytest.mark.interpreted
 @cases("parameters", ["principal", "full"])
 def test_equals_filterpy(parameters, pyramid):
     known, gyro, wheel_speed, _ = flight(pyramid, 40)

@@ -11,7 +11,7 @@ from tests.test_sensor_faults import GATE, HARD, square, world
 
 INTEGRATING = Sensors(gyro_integrates=True)
 LATE = Sensors(tachometer_delay=2.5, gyro_delay=0.3)
-COUNTING = Sensors(gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.5)
+COUNTING = Sensors(encoder_pulses=64, tachometer_delay=0.5)
 ALL = {name: value for part in HARD.values() for name, value in part.items()}
 
 

@@ -33,13 +33,8 @@ def drawn(satellite: Satellite, rng: np.random.Generator) -> Satellite:
             return satellite.replace(inertia=tilt @ np.diag(moments) @ tilt.T)
 
 
-def motion(
-    satellite: Satellite,
-    rng: np.random.Generator,
-    seconds: float,
-    law: InertiaLaw | None = None,
-) -> Trajectory:
-    """A flight of slews, sampled at 10 Hz: body torque in pulses that bring the rates to and fro within the limit."""
+def slews(satellite: Satellite, rng: np.random.Generator, seconds: float) -> np.ndarray:
+    """Motor torque (N, n), N m, at 10 Hz: body torque in pulses that bring the rates to and fro within the limit."""
     wheels, count = satellite.wheels, round(10 * seconds)
     wanted = np.zeros((count, 3))
     start = 0
@@ -52,13 +47,23 @@ def motion(
     for k in range(count):  # a rate that follows with a lag of 3 s
         torque[k] = np.clip(moments * (wanted[k] - rate) / 3.0, -limit, limit)
         rate = rate + 0.1 * torque[k] / moments
-    allocation = -np.linalg.pinv(wheels.axes)
+    return torque @ -np.linalg.pinv(wheels.axes).T
+
+
+def motion(
+    satellite: Satellite,
+    rng: np.random.Generator,
+    seconds: float,
+    law: InertiaLaw | None = None,
+) -> Trajectory:
+    """A flight of slews, sampled at 10 Hz."""
+    torque, wheels = slews(satellite, rng, seconds), satellite.wheels
     speed = 0.1 * wheels.max_speed * rng.uniform(-1.0, 1.0, wheels.count)
     push = satellite.disturbance_std * rng.normal(size=3)
     attitude = rng.normal(size=4)
     return simulate(
         satellite,
-        torque @ allocation.T,
+        torque,
         0.1,
         wheel_speed0=speed,
         disturbance=push,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from satid_gym.estimators.batch.fit import NotIdentifiedError
+from satid_gym.identification.bad_readings.faults import TachometerFault, wheel_residuals
 from satid_gym.identification.estimate import Estimated, estimate, theta_sizes
-from satid_gym.identification.faults import TachometerFault, wheel_residuals
 from satid_gym.identification.judgement import determined
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log

@@ -13,10 +13,11 @@ from satid_gym.estimators.batch.fit import NotIdentifiedError
 from satid_gym.estimators.batch.regression import NAMES, SIGNAL_MIN, STD_MAX
 from satid_gym.estimators.batch.second_moment import nearest_physical
 from satid_gym.estimators.inertia import inertia_tensors
+from satid_gym.identification.bad_readings.faults import fault_notes, tachometer_faults, without_faults
+from satid_gym.identification.bad_readings.saturation import without_saturated
+from satid_gym.identification.bad_readings.spikes import without_spikes
 from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes
 from satid_gym.identification.estimate import estimate, theta_sizes
-from satid_gym.identification.faults import fault_notes, tachometer_faults
-from satid_gym.identification.faults import without as without_faults
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flexible_body.body import flexible
 from satid_gym.identification.flights import FlightReport, flight_reports, folds
@@ -25,7 +26,6 @@ from satid_gym.identification.judgement import Whiteness, determined, inflated_c
 from satid_gym.identification.rotors import contradicted, rotor_inertias, rotor_notes
 from satid_gym.identification.rows import ROWS_MIN
 from satid_gym.identification.slips.checks import check_attitude, check_fit
-from satid_gym.identification.spikes import without_spikes
 from satid_gym.identification.tolerances import alignment_tolerance, bias_notes, mode_tolerance, rotor_tolerance
 from satid_gym.identification.variation.steps_and_drift import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
@@ -112,7 +112,7 @@ def identify(
     _check_distinct(logs)
     sizes = theta_sizes(own)
     _check_windows(logs, window)
-    logs, faults = without_spikes(logs, own)
+    logs, faults = without_spikes(without_saturated(logs, own), own)
     _check_motion(logs, own)
     logs = check_attitude(logs)
     nominal, body, estimated = own, None, None

@@ -57,7 +57,7 @@ def tachometer_faults(estimated: Estimated, wheels: ReactionWheels) -> list[Tach
     return found
 
 
-def without(logs: Sequence[Log], faults: Sequence[TachometerFault]) -> list[Log]:
+def without_faults(logs: Sequence[Log], faults: Sequence[TachometerFault]) -> list[Log]:
     """Logs in which the faulty readings are missing."""
     found = []
     for number, log in enumerate(logs):

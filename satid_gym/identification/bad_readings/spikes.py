@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from satid_gym.identification.faults import TachometerFault
+from satid_gym.identification.bad_readings.faults import TachometerFault
 from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 

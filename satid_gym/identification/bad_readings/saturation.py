@@ -1,0 +1,59 @@
+"""Saturation: readings of a gyro at the end of its range, which say only that the rate was beyond it.
+
+A data sheet may name the range. Else readings tell it: a gyro whose noise shows hardly ever reads the same twice in a
+row, but at the end of its range always does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from satid_gym.satellite import Satellite
+from satid_gym.telemetry import Log
+
+_EQUAL_MAX = 0.2  # share of readings that equal the one before, beyond which a gyro's steps hide its noise
+_CHANCE_MAX = 1e-9  # of as many equal ones in a row at the largest reading
+
+
+def without_saturated(logs: Sequence[Log], satellite: Satellite) -> list[Log]:
+    """Logs without readings of the gyro at the end of its range, with a note of how many in which axis."""
+    cleaned = []
+    for log in logs:
+        saturated = _saturated(log.rate, satellite.sensors.gyro_range)
+        notes = tuple(
+            f"{int(saturated[:, k].sum())} readings of gyro {axis} left out: they are at the end of its range, "
+            f"{np.abs(log.rate[saturated[:, k], k]).min():.3g} rad/s"
+            for k, axis in enumerate("xyz")
+            if saturated[:, k].any()
+        )
+        rate = np.where(saturated, np.nan, log.rate)
+        cleaned.append(replace(log, rate=rate, notes=(*log.notes, *notes)) if notes else log)
+    return cleaned
+
+
+def _saturated(rate: np.ndarray, told: float | None) -> np.ndarray:
+    """(N, 3) whether readings of the gyro are at the end of the range that is told, or that they tell."""
+    if told is not None:
+        return np.asarray(np.abs(rate) >= told * (1.0 - 1e-9))
+    found = np.zeros(rate.shape, bool)
+    for k in range(rate.shape[1]):
+        there = np.flatnonzero(np.isfinite(rate[:, k]))
+        value = rate[there, k]
+        for end in (value, -value):
+            found[there, k] |= _at_the_end(end)
+    return found
+
+
+def _at_the_end(value: np.ndarray) -> np.ndarray:
+    """(N,) whether readings of one axis are at the upper end of its range; none where that may be chance."""
+    none = np.zeros(len(value), bool)
+    if len(value) == 0 or value.max() <= 0.0:
+        return none
+    top = value == value.max()
+    equal, at_top = value[1:] == value[:-1], top[1:]
+    usual = (np.sum(equal & ~at_top) + 1.0) / (np.sum(~at_top) + 2.0)  # by Laplace's rule of succession
+    repeats = int(np.sum(equal & at_top))
+    return top if usual < _EQUAL_MAX and usual**repeats < _CHANCE_MAX else none
