@@ -202,15 +202,18 @@ def test_derivatives_are_those_of_finite_differences():
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("estimator", [pytest.param("momentum", marks=SLOW), "adaptive"])
-@pytest.mark.parametrize("kind", [*(pytest.param(kind, marks=SLOW) for kind in KINDS if kind != "all"), "all"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_it_is_consistent_where_the_data_sheet_tells_of_the_error(kind, estimator):
-    """Mean NEES of 40 episodes; without calibration the same flights are far outside of it."""
+    """Mean NEES of 40 episodes; without calibration the same flights are far outside of it.
+
+    All errors are states, the others hardly any: a filter for each kind is compiled for the comparison with filterpy.
+    """
     scores = fly(
         make_baseline("rate_square", "microsat"),
         satellite="microsat",
         inertia="static",
         seeds=seeds("validation", 40),
-        scenario=world(KINDS[kind]),
+        scenario=world({**dict.fromkeys(ALL, 1e-6), **KINDS[kind]}),
         estimator=estimator,
     ).scores()
     assert 0.3 < scores["nees"].mean() < 1.6
