@@ -21,15 +21,11 @@ from satid_gym import SATELLITES, ReactionWheels, Satellite
 hypothesis.settings.register_profile("suite", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("suite")
 
-# tests of baselines, agents and of the test tools fly thousands of episodes
-_FLYING = r"^(from|import) (agents|baselines|tests\.(qa|golden)|satid_gym\.(policies|control))\b"
-_FLY = {
-    path.name: "mark.interpreted" in text
-    for path in Path(__file__).parent.glob("test_*.py")
-    if re.search(_FLYING, text := path.read_text(encoding="utf-8"), flags=re.MULTILINE)
-}
+_SOURCES = {path.name: path.read_text(encoding="utf-8") for path in Path(__file__).parent.glob("test_*.py")}
+_USER = re.compile(r"^(from|import) (agents|baselines|tests\.(qa|golden)|satid_gym\.(policies|control))\b", re.M)
+_FLYING = {name for name, text in _SOURCES.items() if _USER.search(text)}  # most of these fly thousands of episodes
 if config.DISABLE_JIT:
-    collect_ignore = [name for name, is_marked in _FLY.items() if not is_marked]
+    collect_ignore = [name for name in _FLYING if "mark.interpreted" not in _SOURCES[name]]
 
 
 # files that compile the most go first, in an order in which two that need the same kernels are not begun side by side,
@@ -45,7 +41,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if config.DISABLE_JIT:
         skip = pytest.mark.skip(reason="takes minutes without the compiler")
         for item in items:
-            if "compiled" in item.keywords or (item.path.name in _FLY and "interpreted" not in item.keywords):
+            if "compiled" in item.keywords or (item.path.name in _FLYING and "interpreted" not in item.keywords):
                 item.add_marker(skip)
 
 

@@ -19,6 +19,9 @@ from satid_gym.core.jit import inline, inline_disjoint, kernel, outline, outline
 from satid_gym.core.jit.cache import NamedByContent
 from satid_gym.core.sample import measure
 
+if numba.config.DISABLE_JIT:
+    pytest.skip("nothing is compiled", allow_module_level=True)
+
 
 @inline
 def doubled(x):
