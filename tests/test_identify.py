@@ -234,6 +234,8 @@ def test_a_gyro_at_the_end_of_its_range_is_named_and_its_readings_are_left_out()
     for axis, limit, note in zip("xyz", end, named, strict=True):
         left_out = rf"\d+ readings of gyro {axis} left out: they are at the end of its range, {limit:.3g} rad/s"
         assert re.search(left_out, note)
+    with pytest.raises(NotIdentifiedError, match=r"turn more; log: \d+ readings of gyro x left out: they are at the"):
+        identify(dataclasses.replace(log, rate=np.clip(log.rate, -end / 6.0, end / 6.0)), CUBESAT)
 
 
 def test_a_range_of_the_data_sheet_is_taken_as_it_is_and_a_gyro_with_coarse_steps_is_let_be():

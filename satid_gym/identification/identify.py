@@ -16,7 +16,7 @@ from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.identification.bad_readings.faults import fault_notes, tachometer_faults, without_faults
 from satid_gym.identification.bad_readings.saturation import without_saturated
 from satid_gym.identification.bad_readings.spikes import without_spikes
-from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes
+from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes, with_notes
 from satid_gym.identification.estimate import estimate, theta_sizes
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flexible_body.body import flexible
@@ -134,7 +134,7 @@ def identify(
     )
     known = determined(fit, covariance, sizes, own.gyro_noise_std)
     if not known[:3].any():
-        raise NotIdentifiedError(_nothing(fit, covariance, sizes, own))
+        raise NotIdentifiedError(with_notes(_nothing(fit, covariance, sizes, own), logs))
     theta = nearest_physical(fit.theta, np.linalg.inv(covariance)) if known.all() else fit.theta.copy()
     theta[~known] = np.nan
     covariance[~known] = covariance[:, ~known] = np.nan

@@ -41,19 +41,20 @@ def _saturated(rate: np.ndarray, told: float | None) -> np.ndarray:
     found = np.zeros(rate.shape, bool)
     for k in range(rate.shape[1]):
         there = np.flatnonzero(np.isfinite(rate[:, k]))
-        value = rate[there, k]
-        for end in (value, -value):
-            found[there, k] |= _at_the_end(end)
+        found[there, k] = _at_an_end(rate[there, k])
     return found
 
 
-def _at_the_end(value: np.ndarray) -> np.ndarray:
-    """(N,) whether readings of one axis are at the upper end of its range; none where that may be chance."""
-    none = np.zeros(len(value), bool)
-    if len(value) == 0 or value.max() <= 0.0:
-        return none
-    top = value == value.max()
-    equal, at_top = value[1:] == value[:-1], top[1:]
-    usual = (np.sum(equal & ~at_top) + 1.0) / (np.sum(~at_top) + 2.0)  # by Laplace's rule of succession
-    repeats = int(np.sum(equal & at_top))
-    return top if usual < _EQUAL_MAX and usual**repeats < _CHANCE_MAX else none
+def _at_an_end(value: np.ndarray) -> np.ndarray:
+    """(N,) whether readings of one axis are at an end of its range; none where that may be chance."""
+    found = np.zeros(len(value), bool)
+    if len(value) == 0 or np.ptp(value) == 0.0:
+        return found
+    ends = [value == end for end, side in ((value.max(), 1.0), (value.min(), -1.0)) if side * end > 0.0]
+    inside = ~np.logical_or.reduce([found, *ends])
+    equal = value[1:] == value[:-1]
+    usual = (np.sum(equal & inside[1:]) + 1.0) / (np.sum(inside[1:]) + 2.0)  # by Laplace's rule of succession
+    for at_end in ends:
+        if usual < _EQUAL_MAX and usual ** int(np.sum(equal & at_end[1:])) < _CHANCE_MAX:
+            found |= at_end
+    return found

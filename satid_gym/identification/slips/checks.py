@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.estimators.batch.fit import NotIdentifiedError
 from satid_gym.estimators.inertia import inertia_tensors
+from satid_gym.identification.delays import with_notes
 from satid_gym.identification.estimate import Estimated, estimate
 from satid_gym.identification.judgement import determined
 from satid_gym.identification.slips.candidates import Slip, attitude_slips, rate_slips, slips_of
@@ -116,13 +117,14 @@ def check_fit(
         raise SlipError(f"{wrong}; {best[1].name} explains it: {best[1].remedy}{also}")
     if found is None:
         raise NotIdentifiedError(
-            "no stretch of the logs is fit to identify from: only gaps, or turns too fast to follow"
+            with_notes("no stretch of the logs is fit to identify from: only gaps, or turns too fast to follow", logs)
         )
     if wrong == _NOTHING:
         return ""  # what is told of each is said where the estimate is judged
     if "times nominal" in wrong:
         return f"{wrong}: is its nominal inertia right, and its rotors' inertia, with which the result scales?"
-    raise SlipError(f"{wrong}; no single slip of units, signs or axes explains it: check columns, wheels and axes")
+    wrong += "; no single slip of units, signs or axes explains it: check columns, wheels and axes"
+    raise SlipError(with_notes(wrong, logs))
 
 
 def _disagreement(log: Log) -> float:
