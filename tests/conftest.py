@@ -23,7 +23,8 @@ hypothesis.settings.load_profile("suite")
 
 _SOURCES = {path.name: path.read_text(encoding="utf-8") for path in Path(__file__).parent.glob("test_*.py")}
 _USER = re.compile(r"^(from|import) (agents|baselines|tests\.(qa|golden)|satid_gym\.(policies|control))\b", re.M)
-_FLYING = {name for name, text in _SOURCES.items() if _USER.search(text)}  # most of these fly thousands of episodes
+# tests of baselines, agents and of the test tools, most of which fly thousands of episodes
+_FLYING = {name for name, text in _SOURCES.items() if _USER.search(text)}
 if config.DISABLE_JIT:
     collect_ignore = [name for name in _FLYING if "mark.interpreted" not in _SOURCES[name]]
 

@@ -246,7 +246,9 @@ def test_a_range_of_the_data_sheet_is_taken_as_it_is_and_a_gyro_with_coarse_step
     (cleaned,) = without_saturated([fast], ranged)
     np.testing.assert_array_equal(np.argwhere(np.isnan(cleaned.rate)), [[5, 1], [70, 1]])
     assert cleaned.notes == ("2 readings of gyro y left out: they are at the end of its range, 0.5 rad/s",)
-    assert without_saturated([log], ranged) == [log]
+    degrees = dataclasses.replace(log, rate=np.degrees(log.rate))
+    for other in (log, degrees):  # a slip of the unit is left for the checks to name
+        assert without_saturated([other], ranged) == [other]
     steps = np.abs(log.rate).max(axis=0) / 6.0
     coarse = dataclasses.replace(log, rate=steps * np.round(log.rate / steps))
     resting = dataclasses.replace(log, rate=np.minimum(log.rate, 0.0))

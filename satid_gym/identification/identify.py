@@ -25,7 +25,7 @@ from satid_gym.identification.gyro_scale import gyro_scale
 from satid_gym.identification.judgement import Whiteness, determined, inflated_covariance, scatter, whiteness
 from satid_gym.identification.rotors import contradicted, rotor_inertias, rotor_notes
 from satid_gym.identification.rows import ROWS_MIN
-from satid_gym.identification.slips.checks import check_attitude, check_fit
+from satid_gym.identification.slips.checks import check_attitude, check_fit, check_motion
 from satid_gym.identification.tolerances import alignment_tolerance, bias_notes, mode_tolerance, rotor_tolerance
 from satid_gym.identification.variation.steps_and_drift import Variation, variation
 from satid_gym.resolution import SatelliteLike, resolve_satellites
@@ -113,7 +113,7 @@ def identify(
     sizes = theta_sizes(own)
     _check_windows(logs, window)
     logs, faults = without_spikes(without_saturated(logs, own), own)
-    _check_motion(logs, own)
+    check_motion(logs, own)
     logs = check_attitude(logs)
     nominal, body, estimated = own, None, None
     with contextlib.suppress(NotIdentifiedError):
@@ -231,20 +231,3 @@ def _check_windows(logs: Sequence[Log], window: float) -> None:
             f"stamps are in ms, us or ns, say so, {option_of({'time': 'ms'})}; else give a window of "
             f"{10.0 * interval:.3g} s or more"
         )
-
-
-def _check_motion(logs: Sequence[Log], satellite: Satellite) -> None:
-    """Refuse logs without motion.
-
-    Raises:
-        NotIdentifiedError: no rate or no wheel speed changes by more than the sensors' noise.
-    """
-    for name, noise in (("rate", satellite.gyro_noise_std), ("wheel_speed", satellite.tachometer_noise_std)):
-        values = [getattr(log, name) for log in logs]
-        there = [value[np.isfinite(value).all(axis=1)] for value in values]
-        spread = max(float(value.std(axis=0).max()) if len(value) else 0.0 for value in there)
-        if not spread > 3.0 * noise:
-            raise NotIdentifiedError(
-                f"the logs do not identify the inertia: {name} changes by {spread:.2g} rad/s, expected more than three "
-                f"times the sensor's noise of {noise:.2g}; nothing moves, or readings are missing"
-            )

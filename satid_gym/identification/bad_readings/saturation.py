@@ -15,6 +15,7 @@ from satid_gym.satellite import Satellite
 from satid_gym.telemetry import Log
 
 _EQUAL_MAX = 0.2  # share of readings that equal the one before, beyond which a gyro's steps hide its noise
+_NEAR = 1e-3  # of the range that is told
 _CHANCE_MAX = 1e-9  # of as many equal ones in a row at the largest reading
 
 
@@ -36,9 +37,9 @@ def without_saturated(logs: Sequence[Log], satellite: Satellite) -> list[Log]:
 
 def _saturated(rate: np.ndarray, told: float | None) -> np.ndarray:
     """(N, 3) whether readings of the gyro are at the end of the range that is told, or that they tell."""
-    if told is not None:
-        return np.asarray(np.abs(rate) >= told * (1.0 - 1e-9))
     found = np.zeros(rate.shape, bool)
+    if told is not None and not (np.abs(rate) > (1.0 + _NEAR) * told).any():  # else it is another gyro, or another unit
+        return np.asarray(np.abs(rate) >= (1.0 - _NEAR) * told)
     for k in range(rate.shape[1]):
         there = np.flatnonzero(np.isfinite(rate[:, k]))
         found[there, k] = _at_an_end(rate[there, k])

@@ -55,6 +55,24 @@ def _text(values: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.3g}" for value in values) + ")"
 
 
+def check_motion(logs: Sequence[Log], satellite: Satellite) -> None:
+    """Refuse logs without motion.
+
+    Raises:
+        NotIdentifiedError: no rate or no wheel speed changes by more than the sensors' noise.
+    """
+    for name, noise in (("rate", satellite.gyro_noise_std), ("wheel_speed", satellite.tachometer_noise_std)):
+        values = [getattr(log, name) for log in logs]
+        there = [value[np.isfinite(value).all(axis=1)] for value in values]
+        spread = max(float(value.std(axis=0).max()) if len(value) else 0.0 for value in there)
+        if not spread > 3.0 * noise:
+            still = (
+                f"the logs do not identify the inertia: {name} changes by {spread:.2g} rad/s, expected more than three "
+                f"times the sensor's noise of {noise:.2g}; nothing moves, or readings are missing"
+            )
+            raise NotIdentifiedError(with_notes(still, logs))
+
+
 def check_attitude(logs: Sequence[Log]) -> list[Log]:
     """Logs whose attitude agrees with their gyro; an attitude that disagrees is left out, with a note.
 
