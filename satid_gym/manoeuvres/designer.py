@@ -29,6 +29,7 @@ CONSTANT = {"name": "momentum", "inertia_walk": 0.0}
 _DECISIONS_MIN, _DECISIONS_MAX = 8, 20_000
 _FAST_WHEELS = 0.5  # of the speed limit
 _UNSURE = ("gyro_scale", "gyro_alignment", "wheel_inertia", "wheel_alignment")  # tolerances that no time averages out
+_HINDERS = 0.1  # share of the accuracy that is asked for, up to which such a tolerance does not matter
 _LONGER = (2.0, 4.0, 8.0)  # durations that are tried where accuracy falls short
 
 
@@ -222,6 +223,7 @@ def _falls_short(waves: Waves, posed: Problem, request: Request, effort: Effort,
         ):
             return f"{said}; {longer.duration:g} s of the same waves leave {found.accuracy:.2g}"
     tolerances = only_mission(posed).satellite.tolerances
-    unsure = [name for name in _UNSURE if getattr(tolerances, name) > 0.0]
+    least = _HINDERS * (request.accuracy or 0.0)
+    unsure = [name for name in _UNSURE if getattr(tolerances, name) > least]
     better = f"smaller tolerances ({', '.join(unsure)}), wider limits" if unsure else "wider limits"
     return f"{said}, and up to {longer.duration:g} s of the same waves do not help: give {better} or a quieter gyro"
