@@ -176,7 +176,6 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "planners": worlds.planners,
         "looking ahead": worlds.looking_ahead,
         "ahead in pairs": worlds.pairs("calibration", "lookahead", "stargazer filter_mpc mpc swing_and_stop"),
-        "half way": worlds.half_way,
         "laws": laws,
         "faults": faults,
     },

@@ -69,11 +69,6 @@ def looking_ahead() -> str:
     return lookahead_table(_standing())
 
 
-def half_way() -> str:
-    """`lookahead` next to planners, its policy and the oracle, from the committed flights."""
-    return _gates("lookahead", "calibration", "operations")
-
-
 def pairs(scenario: str, policy: str, others: str) -> Callable[[], str]:
     """Writer of a policy next to others, names with spaces, from the committed comparison in a scenario."""
     return lambda: paired_table(_committed(f"pairs_{scenario}", "rows"), policy, others.split())
