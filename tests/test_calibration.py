@@ -206,7 +206,7 @@ def test_derivatives_are_those_of_finite_differences():
 def test_it_is_consistent_where_the_data_sheet_tells_of_the_error(kind, estimator):
     """Mean NEES of 40 episodes; without calibration the same flights are far outside of it.
 
-    All errors are states, the others hardly any: a filter for each kind is compiled for the comparison with filterpy.
+    The filter has states for errors of all kinds; with those of one kind alone it is compared with filterpy above.
     """
     scores = fly(
         make_baseline("rate_square", "microsat"),

@@ -259,7 +259,7 @@ def test_jacobian_of_the_rate_model(shape, states):
 @pytest.mark.interpreted
 @cases("shape", ["principal", "full"])
 @cases("new", [MomentumEKF, RateEKF])
-def test_transition_of_the_compiled_filter(new, shape, states):
+def test_transition_of_the_filter(new, shape, states):
     """One compiled prediction from states moved to both sides; the rest of the transition is identity."""
     satellite, parameters, gyro, before, after = states[shape]
     ekf = new(parameters=parameters)

@@ -220,7 +220,7 @@ def test_a_motion_of_one_reading_is_no_spike():
     assert faults == []
 
 
-def test_a_gyro_at_the_end_of_its_range_is_named_and_its_readings_are_left_out():
+def test_a_gyro_at_the_end_of_its_range_is_named_and_its_readings_are_left_out(tmp_path):
     truth, log = clean()
     end = 0.6 * np.abs(log.rate).max(axis=0)
     found = identify(dataclasses.replace(log, rate=np.clip(log.rate, -end, end)), CUBESAT)
@@ -234,6 +234,14 @@ def test_a_gyro_at_the_end_of_its_range_is_named_and_its_readings_are_left_out()
     for axis, limit, note in zip("xyz", end, named, strict=True):
         left_out = rf"\d+ readings of gyro {axis} left out: they are at the end of its range, {limit:.3g} rad/s"
         assert re.search(left_out, note)
+    table = np.column_stack([log.time, np.clip(log.rate, -end, end), log.wheel_speed])
+    header = "time,rate_x,rate_y,rate_z,wheel_1,wheel_2,wheel_3"
+    np.savetxt(tmp_path / "flight.csv", table, "%.9g", ",", header=header, comments="")
+    read = read_log(tmp_path / "flight.csv")  # which takes none of these readings for a stuck sensor
+    assert np.isfinite(read.rate).all()
+    assert [note for note in identify(read, CUBESAT).notes if "range" in note] == [
+        note.replace("log:", "flight.csv:") for note in named
+    ]
     with pytest.raises(NotIdentifiedError, match=r"turn more; log: \d+ readings of gyro x left out: they are at the"):
         identify(dataclasses.replace(log, rate=np.clip(log.rate, -end / 6.0, end / 6.0)), CUBESAT)
 

@@ -17,9 +17,7 @@ from tests.test_rate_tracking import QUIET
 
 FIVE = np.column_stack([PYRAMID, [0.0, 0.0, 1.0]])
 SIX = np.column_stack([np.eye(3), np.eye(3)])
-
-
-FULL = {"name": "momentum", "parameters": "full"}  # as other tests with four wheels, whose kernels are compiled then
+FULL = {"name": "momentum", "parameters": "full"}  # as in other tests with four wheels, so that they share kernels
 
 
 def _wheels(axes):

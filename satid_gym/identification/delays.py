@@ -1,8 +1,7 @@
-"""Delays between channels as parameters, and notes on them and on the readings."""
+"""Delays between channels as parameters, and notes on them."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -58,15 +57,3 @@ def delay_notes(logs: Sequence[Log], delays: Sequence[Parameter]) -> list[str]:
         for channel, delay in zip(_CHANNELS, delays, strict=False)
         if delay.determined and abs(delay.value) > max(3.0 * delay.std, DELAY_MIN * interval)
     ]
-
-
-def reading_notes(logs: Sequence[Log]) -> list[str]:
-    """Notes of the reader; a note that several flights share is given once."""
-    counts = Counter(note for log in logs for note in log.notes)
-    shared = [f"{note} ({count} flights)" for note, count in counts.items() if count > 1]
-    return shared + [f"{log.name}: {note}" for log in logs for note in log.notes if counts[note] == 1]
-
-
-def with_notes(failure: str, logs: Sequence[Log]) -> str:
-    """Message of a failure with the notes of the logs, which may tell why."""
-    return "; ".join([failure, *reading_notes(logs)])

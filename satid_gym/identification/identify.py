@@ -14,9 +14,10 @@ from satid_gym.estimators.batch.regression import NAMES, SIGNAL_MIN, STD_MAX
 from satid_gym.estimators.batch.second_moment import nearest_physical
 from satid_gym.estimators.inertia import inertia_tensors
 from satid_gym.identification.bad_readings.faults import fault_notes, tachometer_faults, without_faults
+from satid_gym.identification.bad_readings.notes import reading_notes, with_notes
 from satid_gym.identification.bad_readings.saturation import without_saturated
 from satid_gym.identification.bad_readings.spikes import without_spikes
-from satid_gym.identification.delays import Parameter, delay_notes, delays_of, reading_notes, with_notes
+from satid_gym.identification.delays import Parameter, delay_notes, delays_of
 from satid_gym.identification.estimate import estimate, theta_sizes
 from satid_gym.identification.fit import Fit
 from satid_gym.identification.flexible_body.body import flexible

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 CHANNELS = ("rate", "wheel_speed", "attitude", "torque", "motor_torque")
+REPEATS_MAX = 0.05  # share of readings that repeat the one before: with more it is a coarse sensor
 GAP = 2.5  # medians beyond which an interval is a gap
 
 

@@ -11,14 +11,13 @@ import numpy as np
 
 from satid_gym.config import check_names, unknown_name
 from satid_gym.telemetry.columns import ROLES, choose, scalar_first
-from satid_gym.telemetry.log import GAP, Log
+from satid_gym.telemetry.log import GAP, REPEATS_MAX, Log
 from satid_gym.telemetry.tables import ENDINGS, Column, read_table
 from satid_gym.telemetry.units import ALLOWED, ORDERS, factor
 
 PathText = str | PathLike[str]
 Columns = Mapping[str, str | Sequence[str]]
 _STUCK_MIN = 20  # rows that a sensor does not repeat by chance
-_REPEATS_MAX = 0.05  # share of all other rows in which a reading repeats: with more it is a coarse sensor
 
 
 def read_log(
@@ -209,7 +208,8 @@ def _ordered(time: np.ndarray, channels: Mapping[str, np.ndarray], name: str, no
 def _leave_out_stuck(role: str, values: np.ndarray, time: np.ndarray, notes: list[str]) -> None:
     """Take out of a channel (T, n) the longest stretch in which a column repeats its value, if else it hardly does.
 
-    Not where all columns repeat theirs: body or wheels are at rest.
+    Not where all columns repeat theirs: body or wheels are at rest. Nor where it is the largest rate, either way,
+    and comes back to it: that is the end of a gyro's range, which `satid_gym.identification.bad_readings` looks after.
     """
     rests = (np.diff(values, axis=0) == 0.0).all(axis=1)
     for k, column in enumerate(values.T):
@@ -218,7 +218,10 @@ def _leave_out_stuck(role: str, values: np.ndarray, time: np.ndarray, notes: lis
         first, last = ends[longest] + 1, ends[longest + 1]
         repeats = len(column) - (len(ends) - 1) - (last - first)  # outside of it
         others = len(column) - (last - first + 1)
-        if last - first + 1 - rests[first:last].sum() < _STUCK_MIN or (others and repeats > _REPEATS_MAX * others):
+        if last - first + 1 - rests[first:last].sum() < _STUCK_MIN or (others and repeats > REPEATS_MAX * others):
+            continue
+        size = np.abs(column)
+        if role == "rate" and size[first] == np.nanmax(size) and np.sum(size == size[first]) > last - first + 1:
             continue
         said = f"column {k + 1} of {role} repeats {column[first]:.6g} for {time[last] - time[first]:.6g} s"
         said += f", from row {first + 1} on"

@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from satid_gym.satellite import Satellite
-from satid_gym.telemetry import Log
+from satid_gym.telemetry.log import REPEATS_MAX, Log
 
-_EQUAL_MAX = 0.2  # share of readings that equal the one before, beyond which a gyro's steps hide its noise
 _NEAR = 1e-3  # of the range that is told
 _CHANCE_MAX = 1e-9  # of as many equal ones in a row at the largest reading
 
@@ -56,6 +55,6 @@ def _at_an_end(value: np.ndarray) -> np.ndarray:
     equal = value[1:] == value[:-1]
     usual = (np.sum(equal & inside[1:]) + 1.0) / (np.sum(inside[1:]) + 2.0)  # by Laplace's rule of succession
     for at_end in ends:
-        if usual < _EQUAL_MAX and usual ** int(np.sum(equal & at_end[1:])) < _CHANCE_MAX:
+        if usual < REPEATS_MAX and usual ** int(np.sum(equal & at_end[1:])) < _CHANCE_MAX:
             found |= at_end
     return found

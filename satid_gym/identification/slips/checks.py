@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from satid_gym.estimators.batch.fit import NotIdentifiedError
 from satid_gym.estimators.inertia import inertia_tensors
-from satid_gym.identification.delays import with_notes
+from satid_gym.identification.bad_readings.notes import with_notes
 from satid_gym.identification.estimate import Estimated, estimate
 from satid_gym.identification.judgement import determined
 from satid_gym.identification.slips.candidates import Slip, attitude_slips, rate_slips, slips_of
