@@ -12,9 +12,11 @@ REACH := .venv-reach/bin/python -m pytest --timeout 300 --numprocesses auto --di
 WITH_RAY := $(addprefix tests/test_reach_,examples.py ray.py rllib.py)
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compare compare-all test test-slow test-basilisk test-reach test-lowest coverage mutation lint format train benchmark docs dist clean
+.PHONY: setup environments compare compare-all test test-slow test-basilisk test-reach test-lowest coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
+
+environments: setup .venv-basilisk/.installed .venv-reach/.installed  ## those of all lanes
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "satid-gym needs Python 3.11 or later; set PYTHON=...")'
@@ -38,17 +40,22 @@ test: setup  ## the quick lane: physics, filters, environment, statistics, docum
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
 	$(RUN) -m pytest $(PARALLEL) -m slow
 
-test-basilisk:  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (it caps versions of its own)
+test-basilisk: .venv-basilisk/.installed  ## truth and filter against Basilisk, an independent simulator, in .venv-basilisk (it caps versions of its own)
+	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
+
+.venv-basilisk/.installed: pyproject.toml constraints.txt
 	test -x .venv-basilisk/bin/python || $(PYTHON) -m venv .venv-basilisk
 	grep -E "^(numpy|scipy|numba|llvmlite|gymnasium|hypothesis|pytest|pytest-timeout|pytest-xdist|tyro)=" constraints.txt > .venv-basilisk/constraints.txt
 	.venv-basilisk/bin/python -m pip install --quiet --constraint .venv-basilisk/constraints.txt --editable ".[basilisk]"
-	.venv-basilisk/bin/python -m pytest --numprocesses auto --dist loadgroup tests/test_basilisk.py
+	touch $@
 
-test-reach:  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and Minari, in .venv-reach (they cap versions of their own)
+test-reach: .venv-reach/.installed  ## the examples for RLlib, Ray, TorchRL, Tianshou, skrl, RL Zoo and Minari, in .venv-reach (they cap versions of their own)
+	if test -f .venv-reach/.installed; then $(REACH) $(WITH_RAY) && $(REACH) $(filter-out $(WITH_RAY),$(wildcard tests/test_reach_*.py)); fi
+
+.venv-reach/.installed: pyproject.toml constraints.txt
 	test -x .venv-reach/bin/python || $(PYTHON) -m venv .venv-reach
 	grep -E "^(numpy|scipy|numba|llvmlite|torch|stable_baselines3|hypothesis|pytest|pytest-timeout|pytest-xdist|tyro)=" constraints.txt > .venv-reach/constraints.txt
-	if .venv-reach/bin/python -m pip install --quiet --constraint .venv-reach/constraints.txt --editable ".[reach]" 2> .venv-reach/pip.log; \
-	then $(REACH) $(WITH_RAY) && $(REACH) $(filter-out $(WITH_RAY),$(wildcard tests/test_reach_*.py)); \
+	if .venv-reach/bin/python -m pip install --quiet --constraint .venv-reach/constraints.txt --editable ".[reach]" 2> .venv-reach/pip.log; then touch $@; \
 	elif grep "No matching distribution" .venv-reach/pip.log; then echo "test-reach skipped: this registry lacks a package"; \
 	else cat .venv-reach/pip.log; exit 1; fi
 

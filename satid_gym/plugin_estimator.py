@@ -96,7 +96,7 @@ class PluginFilter:
     """
 
     def __init__(self, estimator: Estimator, fleet: Fleet, sample: Callable[[], None] | None = None) -> None:
-        if fleet.templates.records.beliefs["attitude"]["on"].any() and not isinstance(estimator, CompiledEKF):
+        if fleet.templates.records.beliefs["attitude"]["boresight"].size > 0 and not isinstance(estimator, CompiledEKF):
             raise ValueError(
                 f"{type(estimator).__name__} takes a star tracker outside of an environment alone: use AdaptiveEKF or "
                 "MomentumEKF, or sensors without star_tracker"

@@ -173,10 +173,11 @@ def test_the_walk_of_the_inertia_decides_where_it_alone_scores():
 
 
 SMALL = Evolution(satellites=("microsat",), generations=3, population=4, episodes=2, validation=1)
+SHORT = dataclasses.replace(SMALL, horizon=30.0)
 
 
 def test_a_stopped_evolution_goes_on_to_the_same_policy(tmp_path, capsys):
-    whole, halves = (dataclasses.replace(SMALL, output=tmp_path / name) for name in ("whole", "halves"))
+    whole, halves = (dataclasses.replace(SHORT, output=tmp_path / name) for name in ("whole", "halves"))
     assert main(whole) == 0
     assert main(dataclasses.replace(halves, generations=1, workers=1)) == 0
     assert main(halves) == 0
@@ -186,7 +187,7 @@ def test_a_stopped_evolution_goes_on_to_the_same_policy(tmp_path, capsys):
 
 
 def test_generations_that_are_kept_say_which_revision_flew_them(tmp_path, monkeypatch, capsys):
-    run, files = dataclasses.replace(SMALL, generations=1, output=tmp_path), tmp_path / "generations.npz"
+    run, files = dataclasses.replace(SHORT, generations=1, output=tmp_path), tmp_path / "generations.npz"
 
     def continued(generations: int, now: str) -> tuple[list[str], str]:
         monkeypatch.setattr(corners, "revision", lambda: now)
@@ -245,7 +246,7 @@ def test_each_scenario_counts_as_much():
 def test_drawn_satellites_are_judged_by_the_error_of_the_tensor(tmp_path, capsys):
     """What the filter expects of it, against tensors drawn from the filter's belief."""
     small = Evolution(name="any", scenarios=("default",), satellites=("drawn",), drawn=3, generations=1, population=4)
-    small = dataclasses.replace(small, episodes=3, validation=1, output=tmp_path)
+    small = dataclasses.replace(small, episodes=3, validation=1, horizon=30.0, output=tmp_path)
     assert main(small) == 0
     assert capsys.readouterr().out.count("drawn_2") == 32
     env = SatInertiaIDVectorEnv(2, small.flies("tuning", 2), "static", control="rate", observation="body")

@@ -119,7 +119,7 @@ def first(log, count):
 )
 def test_a_slip_is_named_in_one_line(roles, message):
     with pytest.raises(SlipError) as caught:
-        identify(changed(first(clean()[1], 1500), **roles), CUBESAT)
+        identify(changed(first(clean()[1], 800), **roles), CUBESAT)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 

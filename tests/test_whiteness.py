@@ -112,7 +112,7 @@ def test_what_readings_told_is_divided_and_the_prior_kept(microsat, growth):
     S[3:9], S[9:12] = row["prior_theta_std"] ** 2, row["prior_torque_std"] ** 2
     for i, std in enumerate(modes["std"]):
         S[first + 5 * i + 2 : first + 5 * i + 5] = std[2:] ** 2
-    S[size - int(errors["states"]) :] = np.diag(errors["prior_covariance"])
+    S[size - len(errors["prior_covariance"]) :] = np.diag(errors["prior_covariance"])
     known = np.where(np.isfinite(S), S, 1.0)
     assert size > 12 + modes["std"].size > 12
     rng = np.random.default_rng(0)

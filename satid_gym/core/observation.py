@@ -143,7 +143,7 @@ def observe(belief, task, gyro, tachometer, out):
     if task.observation == _BODY:
         i = write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
         i = _observe_modes(belief, task, omega, out, i)
-    if belief.attitude.on != 0:
+    if belief.attitude.boresight.shape[0] > 0:
         i = write(out, i, log_share(attitude_std(belief, 1.0, 0.0, 0.0)))
         i = write(out, i, log_share(attitude_std(belief, 0.0, 1.0, 0.0)))
         i = write(out, i, log_share(attitude_std(belief, 0.0, 0.0, 1.0)))

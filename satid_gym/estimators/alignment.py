@@ -78,7 +78,6 @@ def write_alignment(row: np.void, prior: FilterPrior) -> None:
     """Write what the sensors are to a belief record, whose mean ends with the errors of encoders."""
     sensors, counts = prior.sensors, noise_taps(prior)
     alignment = row["alignment"]
-    alignment["on"] = sensors.are_timed
     own = Alignment.of(sensors, prior.tolerances.tachometer_delay)
     for name, value in own._asdict().items():
         alignment[name] = value

@@ -14,7 +14,7 @@ def write_attitude(row: np.void, tracker: StarTracker, first: int, period: float
 
     `period` is that of samples, s.
     """
-    row["on"], row["first"], row["boresight"] = 1, first, tracker.boresight
+    row["first"], row["boresight"][0] = first, tracker.boresight
     row["period"], row["noisy"] = period, tracker.across_std > 0.0 or tracker.round_std > 0.0
     row["across_variance"] = max(tracker.across_std, ATTITUDE_STD_MIN) ** 2
     row["round_variance"] = max(tracker.round_std, ATTITUDE_STD_MIN) ** 2

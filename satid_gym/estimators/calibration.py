@@ -58,7 +58,6 @@ def write_calibration(row: np.void, prior: FilterPrior, first: int, calibrate: b
     for tap in range(taps):
         place = slice(states + 3 * tap, states + 3 * tap + 3)
         covariance[place, place] = noise_covariance(prior)
-    calibration["states"] = states + 3 * taps
     calibration["spins"] = calibration["wheels"] or first
     calibration["spin_count"] = taps + (wheels.count if tolerances.wheels_are_uncalibrated else 0)
     if tolerances.gyro_bias > 0.0:

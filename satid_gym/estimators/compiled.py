@@ -144,7 +144,7 @@ class CompiledEKF:
         reading = real_array("attitude", attitude, (4,))
         if not reading.any():
             raise ValueError("attitude must be a quaternion, body to inertial, scalar last, got 0 0 0 0")
-        if not self.record["attitude"]["on"]:
+        if len(self.record["attitude"]["boresight"]) == 0:
             raise ValueError("there is no star tracker: give reset a prior whose sensors have a star_tracker")
         return float(kernels.condition_filter_attitude(self.records, self.work, reading))
 

@@ -184,7 +184,7 @@ class MomentumEKFSettings(EstimatorSettings):
         write_alignment(row, prior)
         row["is_told"] = self.announced
         row["whiteness"]["inflate"] = modes > 0 if self.inflate is None else self.inflate
-        known = row["calibration"]["states"] > 0 or modes > 0 or row["attitude"]["on"]
+        known = self.calibration_states(prior) > 0 or modes > 0 or self.tells_attitude(prior)
         row["rate_coordinates"] = known or self.updates_rate(prior)
 
 

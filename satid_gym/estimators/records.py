@@ -15,7 +15,8 @@ def new_belief(prior: FilterPrior, settings: EstimatorSettings) -> np.ndarray:
     wheels, parameters = prior.wheels, estimated_parameters(settings.parameters, prior)
     n, p = wheels.count, PARAMETER_COUNT[parameters]
     size, errors = p + settings.other_states(prior), settings.calibration_states(prior)
-    rows = np.zeros(1, belief_dtype(n, p, size, errors, settings.mode_count(prior), prior.sensors.lines))
+    modes, trackers = settings.mode_count(prior), int(settings.tells_attitude(prior))
+    rows = np.zeros(1, belief_dtype(n, p, size, errors, modes, trackers, prior.sensors.lines))
     row = rows[0]
     row["kind"], row["substeps"] = settings.kind, 1
     row["axes"], row["wheel_inertia"] = wheels.axes, wheels.inertia

@@ -86,11 +86,11 @@ def _widen(belief, torque_max, gap):
     momentum, and keeps its covariance. Readings from before the gap that are aligned with later ones count as mixed
     until they have left the means. The attitude begins again with the star tracker's next reading.
     """
-    if belief.alignment.on != 0:
+    if belief.alignment.gyro_line.shape[0] > 0:
         belief.alignment.mixed = belief.alignment.span + 1
     if belief.kind != _MOMENTUM:
         return
-    if belief.attitude.on != 0:
+    if belief.attitude.boresight.shape[0] > 0:
         attitude.forget(belief)
         attitude.drop_waiting(belief.attitude)
     J_inv, turn = inverse(estimated_inertia(belief)), (0.0, 0.0, 0.0)

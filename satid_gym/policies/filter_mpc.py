@@ -97,7 +97,7 @@ class FilterMPCPolicy:
         """Take note of the records (N,) of filter and task."""
         flights = Flights(beliefs.copy(), tasks.copy(), self._trackers)
         self._trackers["sun"] = tasks["sun"]
-        if sizes(flights)[1] == 0 and not beliefs["alignment"]["on"].any():  # delays are counted in samples
+        if sizes(flights)[1] == 0 and beliefs["alignment"]["gyro_line"].size == 0:  # delays are counted in samples
             _lengthen(flights, self._stride)
             self._trackers["every"] = np.maximum(1, self._every // self._stride)
         self._flights, self._seen = flights, True

@@ -179,7 +179,7 @@ def _rehearse_sample(belief, task, spin, scratch):
 @inline
 def _rehearse_stars(belief, task, tracker, omega, time, scratch):
     """Let the star tracker read what the belief expects, where it sees stars and a reading is due."""
-    if belief.attitude.on == 0 or not track_stars(belief, task, tracker, omega, time):
+    if belief.attitude.boresight.shape[0] == 0 or not track_stars(belief, task, tracker, omega, time):
         return
     tracker.waited = (tracker.waited + 1) % tracker.every
     if tracker.waited == 0:
@@ -205,7 +205,7 @@ def begin(trail, row, flights, i, caution):
     omega = filters.rate(belief)
     for k in range(trail.spins.shape[1]):
         trail.spins[row, k] = belief.wheel_inertia[k] * (belief.speed[k] + along_axis(belief.axes, k, omega))
-    if belief.attitude.on != 0:
+    if belief.attitude.boresight.shape[0] > 0:
         track_stars(belief, task, flights.trackers[i], omega, _time(task, 0))
     trail.trackers[row] = flights.trackers[i]
     mode_doubles.begin(belief, trail.doubles[row], caution)

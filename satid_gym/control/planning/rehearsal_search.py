@@ -114,7 +114,7 @@ def improve_rehearsed(flights, plans, proposals, shares, trails, scratch, stream
                 trial[:] = proposals[i, k]
             else:
                 trial[:] = plan
-                _edit(trial, trail.beliefs[0].attitude.on != 0, streams[i])
+                _edit(trial, trail.beliefs[0].attitude.boresight.shape[0] > 0, streams[i])
             first = 0  # until then the trial is the plan
             while first < ahead and (trial[first] == plan[first]).all():
                 first += 1

@@ -39,10 +39,12 @@ from satid_gym.core.wheels import sum_wheels
 
 @functools.cache
 def alignment_dtype(n: int, lines: int) -> np.dtype:
-    """Alignment: what the data sheet says, weights, and the readings that have them; 0 lines where it is not on."""
+    """Alignment: what the data sheet says, weights, and the readings that have them.
+
+    0 lines where all readings are of the instant at which they are given.
+    """
     return np.dtype(
         [
-            ("on", INT),  # 0: all readings are of the instant at which they are given
             ("gyro_delay", FLOAT),  # sample periods, less what both sensors have in common
             ("gyro_averaged", INT),  # 1: over the sample period
             ("tachometer_delay", FLOAT),
@@ -72,7 +74,7 @@ def alignment_dtype(n: int, lines: int) -> np.dtype:
 def start(belief, gyro, tachometer):
     """Take the first readings for all before them too, but with a gate that of the gyro, which may be an outlier."""
     s = belief.alignment
-    if s.on == 0:
+    if s.gyro_line.shape[0] == 0:
         return
     write_weights(s.tachometer_delay, s.tachometer_averaged, s.gyro_weight)
     write_weights(s.gyro_delay, s.gyro_averaged, s.wheel_weight)
@@ -101,7 +103,7 @@ def first_input_covariance(belief):
 @inline
 def take_wheels(belief, tachometer, torque, dt):
     """Write to belief.speed the wheel speeds (n,) of a new reading, aligned; `torque` (n,) is the motors' command."""
-    if belief.alignment.on != 0:
+    if belief.alignment.gyro_line.shape[0] > 0:
         _align_wheels(belief, tachometer, torque, dt)
         return
     for k in range(tachometer.shape[0]):
@@ -162,7 +164,7 @@ def _shift_noise(belief):
 @inline
 def take_gyro(belief, gyro, valid):
     """Take in a reading (3,), valid: 1; whether all that have a weight are valid, and of one inertia."""
-    return valid != 0 if belief.alignment.on == 0 else _align_gyro(belief, gyro, valid)
+    return valid != 0 if belief.alignment.gyro_line.shape[0] == 0 else _align_gyro(belief, gyro, valid)
 
 
 @outline
@@ -184,7 +186,7 @@ def _align_gyro(belief, gyro, valid):
 def aligned_gyro(belief, gyro):
     """Reading z' (3,), rad/s, of the instant that the aligned wheel speeds stand for."""
     s = belief.alignment
-    if s.on == 0:
+    if s.gyro_line.shape[0] == 0:
         return load(gyro)
     d = belief.calibration.delay
     if d > 0:
@@ -244,7 +246,7 @@ def present_rate(belief, rate, age):
 
     Of that the command is known: the change is -J^-1 A u dt, summed up over the age, J that of the body without modes.
     """
-    if belief.alignment.on == 0:
+    if belief.alignment.gyro_line.shape[0] == 0:
         return rate
     inertia = body_inertia(belief, belief.mean, estimated_inertia(belief))
     return subtract(rate, multiply(inverse(inertia), _push(belief, age)))

@@ -34,15 +34,17 @@ _KNOWN = 0.1  # rad, std about any axis beyond which the attitude begins again: 
 
 
 @functools.cache
-def attitude_dtype(lines: int) -> np.dtype:
-    """Attitude: what is known of the star tracker, and the estimate. `lines`: room for readings that are aligned."""
+def attitude_dtype(trackers: int, lines: int) -> np.dtype:
+    """Attitude: what is known of the star tracker, if there is one, and the estimate.
+
+    `lines`: room for readings that are aligned.
+    """
     return np.dtype(
         [
-            ("on", INT),  # 0: there is no tracker
             ("first", INT),  # index of psi in the mean
             ("across_variance", FLOAT),  # s_a^2
             ("round_variance", FLOAT),  # s_r^2
-            ("boresight", FLOAT, 3),  # unit vector, body frame
+            ("boresight", FLOAT, (trackers, 3)),  # unit vector, body frame
             ("known", INT),  # 0: it has not begun
             ("quaternion", FLOAT, 4),  # q, body to inertial, scalar last
             ("age", FLOAT),  # s since the last reading that was used; as long as the flight before the first
@@ -199,7 +201,7 @@ def doubt(belief, work, change):
     `change` is its std, relative. Where the attitude is not known nothing is added.
     """
     state = belief.attitude
-    if state.on == 0 or state.known == 0:
+    if state.boresight.shape[0] == 0 or state.known == 0:
         return
     momentum = load(belief.mean)
     omega = multiply(momentum_model.inverse_inertia(belief), momentum_model.body_momentum(belief))

@@ -33,19 +33,17 @@ from satid_gym.core.wheels import wheel_momentum
 
 @functools.cache
 def calibration_dtype(n: int, states: int) -> np.dtype:
-    """Calibration: places of its states in the filter's mean, and what is known of them before launch."""
-    room = max(states, 1)
+    """Calibration: places of its states in the filter's mean, and what is known of them before launch; 0 as nominal."""
     return np.dtype(
         [
-            ("states", INT),  # 0: everything is as nominal
             ("bias", INT),  # index of b in the mean; 0: none
             ("gain", INT),  # of G
             ("delay", INT),  # of the tachometers, see `alignment`
             ("wheels", INT),  # of e
             ("spins", INT),  # of the first error of the wheels' momentum: e, then the encoders', see `alignment`
             ("spin_count", INT),  # of these, 3 states each
-            ("spin_scale", FLOAT, room),  # da = scale d error: wheel speeds for e, -c for an encoder's
-            ("prior_covariance", FLOAT, (room, room)),
+            ("spin_scale", FLOAT, states),  # da = scale d error: wheel speeds for e, -c for an encoder's
+            ("prior_covariance", FLOAT, (states, states)),
             ("speed_before", FLOAT, n),  # wheel speeds that the prediction began with
         ],
         align=True,
@@ -56,9 +54,10 @@ def calibration_dtype(n: int, states: int) -> np.dtype:
 def start(belief):
     """Covariance of the errors before the first reading."""
     c = belief.calibration
-    first = belief.mean.shape[0] - c.states
-    for i in range(c.states):
-        for j in range(c.states):
+    states = c.prior_covariance.shape[0]
+    first = belief.mean.shape[0] - states
+    for i in range(states):
+        for j in range(states):
             belief.covariance[first + i, first + j] = c.prior_covariance[i, j]
 
 
@@ -112,7 +111,7 @@ def wheel_input(belief, speed):
 @inline
 def take_up(belief):
     """Take a at the errors that an update has estimated."""
-    if belief.calibration.states > 0:
+    if belief.calibration.prior_covariance.shape[0] > 0:
         store(belief.wheel_input, wheel_input(belief, belief.speed))
 
 

@@ -86,6 +86,8 @@ def condition_wheels(belief, work, tachometer):
 def _take_what_waited(belief, work):
     """Update by a reading of the star tracker that has waited for this sample's state."""
     state = belief.attitude
+    if state.boresight.shape[0] == 0:
+        return
     if state.wait > 0:  # noqa: SIM102, a constant in C, where without it there is nothing to index
         if state.waits[state.wait] != 0:
             state.waits[state.wait] = 0
@@ -98,7 +100,7 @@ def condition_attitude(belief, work, reading):
 
     0 where nothing was compared, or will be later, with readings that are late or averaged.
     """
-    if belief.attitude.on == 0 or star_reading.await_state(belief, reading):
+    if belief.attitude.boresight.shape[0] == 0 or star_reading.await_state(belief, reading):
         return 0.0
     return momentum_update.update_attitude(belief, work, reading) / 3.0
 
@@ -117,7 +119,7 @@ def rate_used(belief, gyro):
     """
     if belief.coasting != 0:
         return alignment.present_rate(belief, rate(belief), belief.alignment.state_age)
-    reading = load(gyro) if belief.calibration.states == 0 else calibration.corrected(belief, gyro)
+    reading = load(gyro) if belief.calibration.prior_covariance.shape[0] == 0 else calibration.corrected(belief, gyro)
     return alignment.present_rate(belief, reading, belief.alignment.age)
 
 
@@ -146,11 +148,11 @@ def state_scale(belief, task, i):
         if i < 3:
             return belief.theta_scale[i] * task.rate_limit
         psi = i - belief.attitude.first
-        if belief.attitude.on != 0 and psi >= 0 and psi < 3:
+        if belief.attitude.boresight.shape[0] > 0 and psi >= 0 and psi < 3:
             return 1.0
         if i < 6 + p or task.observation != _BODY:
             return belief.prior_torque_std
-        error = i - (belief.mean.shape[0] - belief.calibration.states)
+        error = i - (belief.mean.shape[0] - belief.calibration.prior_covariance.shape[0])
         if error >= 0:
             return belief.calibration.prior_covariance[error, error] ** 0.5
         return modes.state_scale(belief, task.rate_limit, i - belief.modes.first)

@@ -48,7 +48,7 @@ def predict(belief, work, tachometer, dt):
     """Move the belief from the last reading to this one, dt seconds later."""
     p, flexible = belief.prior_theta.shape[0], belief.modes.coupling.shape[0] > 0
     J_inv = momentum_model.inverse_inertia(belief)
-    if belief.coasting != 0 and belief.attitude.on != 0:
+    if belief.coasting != 0 and belief.attitude.boresight.shape[0] > 0:
         momentum_model.follow_own_rate(belief, J_inv)
     calibration.begin_prediction(belief)
     gated, holds = belief.gate.threshold > 0.0, False
@@ -66,7 +66,7 @@ def predict(belief, work, tachometer, dt):
     per_step = 1.0 / belief.substeps
     h = dt * per_step
     noise = congruence(J_inv, load_symmetric(belief.wheel_momentum_covariance))
-    turns = belief.attitude.on != 0 and belief.attitude.known != 0
+    turns = belief.attitude.boresight.shape[0] > 0 and belief.attitude.known != 0
     offset = attitude.reference(belief, J_inv) if turns else (0.0, 0.0, 0.0)
     if flexible:
         momentum = load(belief.mean)
@@ -95,11 +95,12 @@ def predict(belief, work, tachometer, dt):
         shares = step * per_step, (step + 0.5) * per_step
         if turns:
             attitude.predict(belief, work, momentum, (omega, add(omega, offset)), J_inv, shares, h)
-        calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
+        if belief.calibration.prior_covariance.shape[0] > 0:
+            calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
         propagate(belief, work, h)
         if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
             rate_noise.add(belief, work, middle, noise, h * dt)
-    if belief.attitude.on != 0:
+    if belief.attitude.boresight.shape[0] > 0:
         belief.attitude.age += dt
         belief.attitude.span = dt
         star_reading.wait_on(belief)
@@ -148,7 +149,7 @@ def condition(belief, work, gyro):
             decision = gating.validate(belief, work)
         if decision > 0.0:
             return decision
-        if decision != gating.ACCEPTED and belief.attitude.on != 0:
+        if decision != gating.ACCEPTED and belief.attitude.boresight.shape[0] > 0:
             attitude.forget(belief)  # it turned at a rate that was wrong
         if decision == gating.REINITIALISE:
             store(work.innovation, alignment.aligned_gyro(belief, gyro))
@@ -160,7 +161,7 @@ def condition(belief, work, gyro):
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
     nis = momentum_update.update_gyro(belief, work, gyro)
-    if belief.attitude.on != 0:
+    if belief.attitude.boresight.shape[0] > 0:
         attitude.take_up(belief)
     if belief.modes.coupling.shape[0] > 0:
         if modes.have_left_data_sheet(belief) and whiteness.may_begin_again(belief.whiteness):

@@ -106,7 +106,7 @@ def linearise(belief, work, gyro):
     standard deviations is taken as none: noise is no excitation. In errors of the rate, `retraction` says where.
     """
     J_inv = inverse_inertia(belief)
-    calibrated = belief.calibration.states > 0
+    calibrated = belief.calibration.prior_covariance.shape[0] > 0
     calibration.take_up(belief)
     omega = multiply(J_inv, body_momentum(belief))
     reading = alignment.aligned_gyro(belief, gyro)

@@ -26,7 +26,7 @@ def start(belief, work, gyro, tachometer):
     p = belief.prior_theta.shape[0]
     gating.begin(belief, gyro, tachometer)
     calibration.start(belief)
-    if belief.attitude.on != 0:
+    if belief.attitude.boresight.shape[0] > 0:
         attitude.start(belief)
     alignment.start(belief, gyro, tachometer)
     store(belief.wheel_input, calibration.wheel_input(belief, tachometer))
@@ -73,7 +73,8 @@ def start_momentum(belief, work, gyro):
         for i in range(3):
             for j in range(6 + p, 6 + p + modes.STATES * belief.modes.coupling.shape[0]):
                 rows[i, j] = -rows[i, j]
-    calibration.write_start_rows(belief, omega, rows)
+    if belief.calibration.prior_covariance.shape[0] > 0:
+        calibration.write_start_rows(belief, omega, rows)
     s2, moment = belief.gyro_std**2, work.jacobian[1]
     noise = congruence(inertia, (s2, s2, s2, 0.0, 0.0, 0.0))
     store_symmetric(moment, axpy_symmetric(1.0, noise, alignment.first_input_covariance(belief)))

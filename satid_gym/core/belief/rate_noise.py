@@ -27,7 +27,7 @@ def add(belief, work, momentum, noise, h2):
         _add_to_modes(belief, momentum, noise, h2)
     else:
         _add_to_momentum(belief, work, momentum, noise, h2)
-    if belief.attitude.on != 0 and belief.attitude.known != 0:
+    if belief.attitude.boresight.shape[0] > 0 and belief.attitude.known != 0:
         _add_to_attitude(belief, work, momentum, noise, h2)
 
 

@@ -17,11 +17,13 @@ from satid_gym.core.records import FLOAT, INT
 
 
 @functools.cache
-def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lines: int = 0) -> np.dtype:
+def belief_dtype(
+    n: int, p: int, size: int, errors: int = 0, modes: int = 0, trackers: int = 0, lines: int = 0
+) -> np.dtype:
     """Belief: what the filter was told before launch, and its state.
 
-    mean is [M, theta, disturbance torque, 5 states of each of so many `modes`, attitude error where there is a star
-    tracker, `errors` of sensors and wheels] for MOMENTUM, [omega, theta, wheel speed] for RATE. `lines`: room for
+    mean is [M, theta, disturbance torque, 5 states of each of so many `modes`, attitude error where there is one of
+    `trackers`, `errors` of sensors and wheels] for MOMENTUM, [omega, theta, wheel speed] for RATE. `lines`: room for
     readings that are aligned.
     """
     return np.dtype(
@@ -63,7 +65,7 @@ def belief_dtype(n: int, p: int, size: int, errors: int = 0, modes: int = 0, lin
             ("modes", modes_dtype(modes)),
             ("calibration", calibration_dtype(n, errors)),
             ("alignment", alignment_dtype(n, lines)),
-            ("attitude", attitude_dtype(lines)),
+            ("attitude", attitude_dtype(trackers, lines)),
             ("whiteness", whiteness_dtype()),
         ],
         align=True,

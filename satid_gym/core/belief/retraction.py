@@ -67,7 +67,7 @@ def _move_axis(belief, axis, likely, spin):
     if moves:
         rate[axis] = smoothed[axis] = likely
         count[axis] = belief.has_moved[axis] = 1
-    if moves or belief.alignment.on != 0:
+    if moves or belief.alignment.gyro_line.shape[0] > 0:
         return
     count[axis] += 1
     share = 1.0 / count[axis]
@@ -133,7 +133,7 @@ def finish(belief, work):
     if belief.alignment.noise_taps == 0:
         lasting = change
     correction = multiply(J_inv, change)
-    at = rate if belief.alignment.on == 0 else multiply(J_inv, carried)
+    at = rate if belief.alignment.gyro_line.shape[0] == 0 else multiply(J_inv, carried)
     carried = add(carried, subtract(multiply(inertia, add(at, correction)), multiply(before, at)))
     for i in range(3):
         for j in range(transition.shape[1]):

@@ -86,7 +86,7 @@ def _turned(belief, J_inv, m):
 def present(belief):
     """Attitude at present, a quaternion; of a state that is as old as its readings that of the state."""
     q = load_quaternion(belief.attitude.quaternion)
-    if belief.alignment.on == 0:
+    if belief.alignment.gyro_line.shape[0] == 0:
         return q
     return product(q, turn(_turned(belief, momentum_model.inverse_inertia(belief), 0)[0]))
 
@@ -118,7 +118,7 @@ def wait_on(belief):
 @inline
 def _noise(state, q):
     """N (symmetric) at an attitude, rad^2."""
-    x, y, z = to_inertial(q, load(state.boresight))
+    x, y, z = to_inertial(q, load(state.boresight[0]))
     s, d = state.across_variance, state.round_variance - state.across_variance
     return s + d * x * x, s + d * y * y, s + d * z * z, d * x * y, d * x * z, d * y * z
 
@@ -160,7 +160,7 @@ def begin(belief, work, reading):
     state.known, state.age, state.rejections = 1, state.wait * state.period, 0
     store_quaternion(state.quaternion, load_quaternion(reading))
     add_symmetric(1.0, _noise(state, state.quaternion), belief.covariance, state.first)
-    if belief.alignment.on != 0:
+    if belief.alignment.gyro_line.shape[0] > 0:
         _turn_back(belief, work)
 
 
@@ -189,7 +189,7 @@ def linearise(belief, work, reading):
     for i in range(3):
         for j in range(size):
             rows[i, j] = 0.0
-    if belief.alignment.on != 0:
+    if belief.alignment.gyro_line.shape[0] > 0:
         J_inv = momentum_model.inverse_inertia(belief)
         phi, s = _turned(belief, J_inv, state.wait)
         q = product(q, turn(phi))

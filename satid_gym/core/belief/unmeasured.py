@@ -89,7 +89,7 @@ def inflate_momentum(belief, J_inv, dt):
             for i in range(3):
                 for j in range(i, 3):
                     covariance[i, j] = covariance[j, i] = covariance[i, j] + variance * g[i] * g[j]
-            if state.on != 0 and state.known != 0:
+            if state.boresight.shape[0] > 0 and state.known != 0:
                 turn = to_inertial(state.quaternion, axpy(0.5 * dt, rate, (0.0, 0.0, 0.0)))
                 for i in range(3):
                     for j in range(3):

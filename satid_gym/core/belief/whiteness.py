@@ -217,7 +217,7 @@ def begin_again(belief):
 def _forget(belief, growth):
     """Divide what the readings have told by `growth` > 1, and keep what was known before the first of them."""
     p, modes, errors = belief.prior_theta.shape[0], belief.modes, belief.calibration
-    size = belief.mean.shape[0]
+    size, calibrated = belief.mean.shape[0], errors.prior_covariance.shape[0]
     for i in range(size):
         for j in range(size):
             belief.covariance[i, j] *= growth
@@ -228,8 +228,8 @@ def _forget(belief, growth):
     for i in range(modes.std.shape[0]):
         for k in range(2, modes.std.shape[1]):  # frequency, size and damping; deflection and momentum have no prior
             _keep_prior(belief, modes.first + modes.std.shape[1] * i + k, modes.std[i, k] ** 2, growth)
-    for k in range(errors.states):
-        _keep_prior(belief, size - errors.states + k, errors.prior_covariance[k, k], growth)
+    for k in range(calibrated):
+        _keep_prior(belief, size - calibrated + k, errors.prior_covariance[k, k], growth)
 
 
 @inline

@@ -33,11 +33,14 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
+from satid_gym.core.jit.shapes import TakeKnownBranches
+
 _PASSES = (
     (TranslateByteCode, "analyzing bytecode"),
     (FixupArgs, "fix up args"),
     (IRProcessing, "processing IR"),
     (RewriteSemanticConstants, "rewrite semantic constants"),
+    (TakeKnownBranches, "branches that shapes decide"),
     (DeadBranchPrune, "dead branch pruning"),
     (GenericRewrites, "generic rewrites"),
     (ReconstructSSA, "ssa"),
