@@ -32,7 +32,7 @@ if config.DISABLE_JIT:
 # files that compile the most go first, in an order in which two that need the same kernels are not begun side by side,
 # and then those that take the longest, so that no worker is left alone with one at the end
 _COMPILE = ("modes", "timing", "calibration", "dynamics", "oscillators", "filters")
-_LONG = ("star_tracker", "distribution", "identify", "flightcode")
+_LONG = ("star_tracker", "distribution", "identify", "imitate", "flightcode")
 FIRST = [f"test_{name}.py" for name in (*_COMPILE, *_LONG)]
 
 

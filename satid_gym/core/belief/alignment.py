@@ -39,10 +39,7 @@ from satid_gym.core.wheels import sum_wheels
 
 @functools.cache
 def alignment_dtype(n: int, lines: int) -> np.dtype:
-    """Alignment: what the data sheet says, weights, and the readings that have them.
-
-    0 lines where all readings are of the instant at which they are given.
-    """
+    """Alignment: what the data sheet says, weights, readings that have them; no `lines`: all of one instant."""
     return np.dtype(
         [
             ("gyro_delay", FLOAT),  # sample periods, less what both sensors have in common

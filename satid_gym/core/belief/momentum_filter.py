@@ -77,29 +77,30 @@ def predict(belief, work, tachometer, dt):
         if belief.alignment.noise_taps == 0:
             rate_noise.add(belief, work, momentum, noise, dt * dt)
         mode_prediction.add_nonlinearity(belief, dt)
-    for step in range(0 if flexible else belief.substeps):
-        a0 = axpy(step * per_step, subtract(after, before), before)
-        a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
-        momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
-        omega = multiply(J_inv, subtract(momentum, a0))
-        momentum_model.write_slope_jacobian(momentum, omega, J_inv, work, 0)
-        if holds:
-            unmeasured.hold_total(belief, omega, work.jacobian[0])
-        middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
-        omega = multiply(J_inv, subtract(middle, a1))
-        momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
-        if holds:
-            unmeasured.hold_total(belief, omega, work.jacobian[1])
-        store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
-        momentum_model.write_transition(work, p, h)
-        shares = step * per_step, (step + 0.5) * per_step
-        if turns:
-            attitude.predict(belief, work, momentum, (omega, add(omega, offset)), J_inv, shares, h)
-        if belief.calibration.prior_covariance.shape[0] > 0:
-            calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
-        propagate(belief, work, h)
-        if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
-            rate_noise.add(belief, work, middle, noise, h * dt)
+    else:
+        for step in range(belief.substeps):
+            a0 = axpy(step * per_step, subtract(after, before), before)
+            a1 = axpy((step + 0.5) * per_step, subtract(after, before), before)
+            momentum, tau = load(belief.mean), load(belief.mean[3 + p :])
+            omega = multiply(J_inv, subtract(momentum, a0))
+            momentum_model.write_slope_jacobian(momentum, omega, J_inv, work, 0)
+            if holds:
+                unmeasured.hold_total(belief, omega, work.jacobian[0])
+            middle = axpy(0.5 * h, add(cross(momentum, omega), tau), momentum)
+            omega = multiply(J_inv, subtract(middle, a1))
+            momentum_model.write_slope_jacobian(middle, omega, J_inv, work, 1)
+            if holds:
+                unmeasured.hold_total(belief, omega, work.jacobian[1])
+            store(belief.mean, axpy(h, add(cross(middle, omega), tau), momentum))
+            momentum_model.write_transition(work, p, h)
+            shares = step * per_step, (step + 0.5) * per_step
+            if turns:
+                attitude.predict(belief, work, momentum, (omega, add(omega, offset)), J_inv, shares, h)
+            if belief.calibration.prior_covariance.shape[0] > 0:
+                calibration.complete_transition(belief, work, (momentum, middle), J_inv, shares, h)
+            propagate(belief, work, h)
+            if belief.alignment.noise_taps == 0:  # an encoder's adds up to nothing
+                rate_noise.add(belief, work, middle, noise, h * dt)
     if belief.attitude.boresight.shape[0] > 0:
         belief.attitude.age += dt
         belief.attitude.span = dt

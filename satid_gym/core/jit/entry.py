@@ -5,6 +5,9 @@
 Kernels release the GIL and are cached on disk. A small function, `@inline`, is compiled into whatever calls it; a
 larger one, `@outline`, once into each kernel, since the compiler takes its time over every copy.
 
+A branch that only the shapes of a record's arrays decide is taken before anything in it is compiled
+(`satid_gym.core.jit.shapes`): what only some satellites have stands behind `if oscillators.mass.shape[0] > 0`.
+
 An array that is handed to an outlined function has no shape that the compiler knows, so that it unrolls no loop there:
 hand on the record that holds the array instead, or inline.
 
