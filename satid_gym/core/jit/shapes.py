@@ -2,7 +2,7 @@
 
 A filter without panels holds arrays of no rows for them, and `if modes.coupling.shape[0] > 0` is false whatever its
 numbers are. LLVM drops such a branch in the end; here it is dropped first, so that nothing in it is compiled. Without
-this, compiling the core for a rigid satellite without errors to estimate takes 1.4 times as long.
+this, `python -m satid_gym.warmup` in an empty cache takes 1.4 times as long (`--scenario flex`: 1.15 times).
 """
 
 from __future__ import annotations
