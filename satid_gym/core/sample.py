@@ -65,7 +65,7 @@ def sample(plant, task, work, report):
     walk_as_modelled(plant, task.sample_period)
     drive(plant, task, work, report)
     end = sample_end(plant, task.sample_period)
-    if plant.sampling.gyro_line.shape[0] > 0 and plant.sampling.on != 0:
+    if plant.sampling.on != 0:
         advance_sampled(plant, plant.motor_torque, end)
     else:
         advance(plant, plant.motor_torque, end - plant.time)

@@ -39,7 +39,7 @@ from satid_gym.core.wheels import sum_wheels
 
 @functools.cache
 def alignment_dtype(n: int, lines: int) -> np.dtype:
-    """Alignment: what the data sheet says, weights, readings that have them; no `lines`: all of one instant."""
+    """Alignment: data sheet, weights and the readings that they weigh; 0 lines where all are of the present."""
     return np.dtype(
         [
             ("gyro_delay", FLOAT),  # sample periods, less what both sensors have in common

@@ -33,7 +33,7 @@ from satid_gym.core.wheels import wheel_momentum
 
 @functools.cache
 def calibration_dtype(n: int, states: int) -> np.dtype:
-    """Calibration: places of its states in the filter's mean, and what is known of them before launch; 0 as nominal."""
+    """Calibration: places of its states in the filter's mean, and what is known of them before launch."""
     return np.dtype(
         [
             ("bias", INT),  # index of b in the mean; 0: none

@@ -31,7 +31,7 @@ class TakeKnownBranches(FunctionPass):
     _name = "take_known_branches"
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__()  # abstract in numba's class
 
     def run_pass(self, state: Any) -> bool:
         """Change the function of a compiler's state; whether it has changed."""
@@ -42,7 +42,7 @@ class TakeKnownBranches(FunctionPass):
 
 
 def _take_known_branches(function: ir.FunctionIR, arguments: Sequence[types.Type]) -> bool:
-    """Take those that what stands in the function decides; whether there was any."""
+    """Take the branches whose conditions are known now; whether there was any."""
     shapes, changed = _Shapes(function, arguments), False
     for block in function.blocks.values():
         last = block.body[-1]
