@@ -134,7 +134,8 @@ smallest rotation, by the estimated attitude; 0 where that is not known |
 
     ## Reward
     gain_scale gained + held_scale (held - held_reference)
-    - envelope_weight excess - saturation_weight saturated - deflection_weight bent - effort_weight effort
+    - envelope_weight excess - saturation_weight saturated - deflection_weight bent
+    - avoided_band_weight in_band - effort_weight effort
 
     | term | default weight | meaning |
     |---|---|---|
@@ -147,6 +148,7 @@ covariance of the inertia parameters, in nats; never negative, except where the 
 over the rate limit, less 1, where positive |
     | saturated | 1 | share of the wheels that were at their speed limit in the decision |
     | bent | 10 | largest deflection that the filter estimates in the decision over its limit, less 1, where positive |
+    | in_band | 10 | share of the decision's samples with a wheel's speed in the band that operators avoid |
     | effort | 0 | mean square of the torque over its limit, 0 to 1 |
 
     `reward={"criterion": "trace" or "maxeig"}` uses A- or E-optimality, `{"net": True}` makes the gain the change over
@@ -212,7 +214,8 @@ draw from |
     | inertia | "random" | "static", "step", "drift", "periodic", "random" (one of these four), "deployment", "fuel", \
 "release", or an `InertiaLaw` |
     | scenario | "default" | "default", "tight" (a tenth of the wheel momentum), "faults", "flex" (panels), "slosh" \
-(a tank), "calibration" (a star tracker), "operations" (imaging windows), "paper", or a `Scenario` |
+(a tank), "calibration" (a star tracker), "operations" (imaging windows), "wheels4" (speeds to \
+avoid), "paper", or a `Scenario` |
     | estimator | None | "adaptive", "momentum", "rate", their settings, or any object that follows `Estimator`; \
 None takes the scenario's |
     | reward | defaults | `RewardSettings`, or the name of a criterion |

@@ -17,6 +17,7 @@ NUMBERS = (
     "envelope_margin",
     "saturation_weight",
     "deflection_weight",
+    "avoided_band_weight",
     "effort_weight",
 )
 
@@ -26,7 +27,8 @@ class RewardSettings(Config):
     """Weights of the reward.
 
     gain_scale gained + held_scale (held - held_reference)
-    - envelope_weight excess - saturation_weight saturated - deflection_weight bent - effort_weight effort
+    - envelope_weight excess - saturation_weight saturated - deflection_weight bent
+    - avoided_band_weight in_band - effort_weight effort
 
     Attributes:
         criterion: measure of the information on theta, in nats: "logdet" (D-optimality), "trace" (A), "maxeig" (E).
@@ -43,6 +45,8 @@ class RewardSettings(Config):
         saturation_weight: penalty for the share of the wheels that were at their speed limit in the decision.
         deflection_weight: penalty for a unit of the largest deflection that the filter estimates in the decision, over
             its limit, less 1, where positive.
+        avoided_band_weight: penalty for the share of the decision's samples with a wheel's speed in the band that
+            operators avoid, as the wheels' drives report it.
         effort_weight: penalty for the mean square of the torque over its limit.
 
     Raises:
@@ -58,6 +62,7 @@ class RewardSettings(Config):
     envelope_margin: float = 1.0
     saturation_weight: float = 1.0
     deflection_weight: float = 10.0
+    avoided_band_weight: float = 10.0
     effort_weight: float = 0.0
 
     def __post_init__(self) -> None:

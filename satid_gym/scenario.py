@@ -20,14 +20,15 @@ from satid_gym.operations import Operations, operations_of
 from satid_gym.satellite import Satellite
 from satid_gym.sensors import Sensors, sensors_of
 from satid_gym.tolerances import Tolerances, tolerances_of
+from satid_gym.wheel_pyramid import WheelPyramid, wheel_pyramid_of
 
 _SAMPLES_MAX = 100_000  # a decision
 _DECISIONS_MAX = 1_000_000_000  # an episode
 _DELAY_MAX = 1000  # of a command, in samples
 _STEP_MAX = 0.5  # of the rate error that the rate loop takes away in a sample
 _PHASE_MAX = 0.2  # rad, that a late command may cost the rate loop
-_PARTS = ("appendages", "friction", "tolerances", "sensors", "operations")  # settings that may be None
-_READERS = (appendages_of, friction_of, tolerances_of, sensors_of, operations_of)  # of each
+_PARTS = ("appendages", "wheels", "friction", "tolerances", "sensors", "operations")  # settings that may be None
+_READERS = (appendages_of, wheel_pyramid_of, friction_of, tolerances_of, sensors_of, operations_of)  # of each
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,6 +67,7 @@ class Scenario(Config):
         termination_factor: the episode ends when a body rate exceeds this many rate limits.
         deflection_factor: the episode ends when a deflection exceeds its limit by this factor.
         appendages: panels or a tank that its satellites get, drawn from ranges, or a mapping with their settings.
+        wheels: four wheels that its satellites get in place of their own, or a mapping with their settings.
         estimator: the scenario's default filter, by name, or a mapping with its settings.
         faults: what can go wrong with sensors and wheels.
         tolerances: how far gyro and wheels may be off nominal, or a mapping with their settings.
@@ -106,6 +108,7 @@ class Scenario(Config):
     termination_factor: float = 3.0
     deflection_factor: float = 4.0
     appendages: Appendages | None = None
+    wheels: WheelPyramid | None = None
     estimator: EstimatorSettings = field(default_factory=lambda: estimator_settings("adaptive"))
     faults: Faults = field(default_factory=Faults)
     tolerances: Tolerances | None = None
@@ -127,12 +130,10 @@ class Scenario(Config):
         for name, read in zip(_PARTS, _READERS, strict=True):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read(getattr(self, name)))
-        for name in ("gyro_noise_std", "tachometer_noise_std"):
+        for name, strict in (("gyro_noise_std", False), ("tachometer_noise_std", False), ("rate_limit", True)):
             if getattr(self, name) is not None:
-                check_number(name, getattr(self, name))
+                check_number(name, getattr(self, name), strict=strict)
         object.__setattr__(self, "estimator", estimator_settings(self.estimator))
-        if self.rate_limit is not None:
-            check_number("rate_limit", self.rate_limit, strict=True)
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
         for name, kind in (("laws", LawRanges), ("faults", Faults)):
             given = getattr(self, name)
@@ -182,14 +183,17 @@ class Scenario(Config):
         return round(self.horizon / self.decision_period)
 
     def equip(self, satellites: Sequence[Satellite]) -> tuple[Satellite, ...]:
-        """The satellites with the scenario's appendages, once for each data sheet; as they are where it has none.
+        """The satellites with the scenario's wheels and appendages, once for each data sheet of these.
 
         Raises:
             ValueError: one cannot carry them.
         """
-        if self.appendages is None:
-            return tuple(satellites)
-        return tuple(equipped for satellite in satellites for equipped in self.appendages.equip(satellite))
+        own = list(satellites)
+        if self.wheels is not None:
+            own = [self.wheels.equip(s, s.rate_limit if self.rate_limit is None else self.rate_limit) for s in own]
+        if self.appendages is not None:
+            own = [equipped for satellite in own for equipped in self.appendages.equip(satellite)]
+        return tuple(own)
 
     def operate(self, satellite: Satellite) -> Satellite:
         """The satellite as operated in this scenario: with the scenario's limits and sensors where it sets them."""

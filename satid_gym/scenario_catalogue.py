@@ -14,6 +14,7 @@ from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
+from satid_gym.wheel_pyramid import WheelPyramid
 
 _DEGREE = float(np.pi / 180.0)  # rad
 _ARCSEC = _DEGREE / 3600.0
@@ -102,5 +103,6 @@ SCENARIOS: dict[str, Scenario] = {
             ),
             operations=Operations(),
         ),
+        Scenario(name="wheels4", wheel_speed_range=0.5, wheels=WheelPyramid()),
     )
 }

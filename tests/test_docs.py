@@ -303,7 +303,8 @@ def test_reward_of_the_docstring_has_the_defaults():
     reward = inspect.getdoc(SatInertiaIDEnv).partition("## Reward")[2].partition("## Starting state")[0]
     said = re.findall(r"^\| (\w+) \| ([\d.]+) \|", reward, flags=re.M)
     names = {"gained": "gain_scale", "held": "held_scale", "excess": "envelope_weight"}
-    names |= {"saturated": "saturation_weight", "bent": "deflection_weight", "effort": "effort_weight"}
+    names |= {"saturated": "saturation_weight", "bent": "deflection_weight"}
+    names |= {"in_band": "avoided_band_weight", "effort": "effort_weight"}
     defaults = RewardSettings().to_dict()
     assert {names[term]: float(value) for term, value in said} == {name: defaults[name] for name in names.values()}
 

@@ -11,9 +11,11 @@ from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.in_the_gaps import InTheGaps
 from satid_gym.appendages import Panels
 from satid_gym.evaluation import seeds
+from satid_gym.policies.clear_square import ClearSquarePolicy
 from satid_gym.policies.corner_tour import CornerTourPolicy
 from satid_gym.policies.filter_mpc import FilterMPCPolicy
 from satid_gym.policies.lookahead import LookaheadPolicy
+from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.operator import OperatorPolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policies.reference import RandomPolicy, ZeroPolicy
@@ -46,6 +48,12 @@ BETWEEN = [
     for swing in (3.0, 4.0, 6.0, 9.0)
     for roll in (0.0, 1.0)
     for settle in SETTLES
+]
+CLEAR = [{"period": period, "room": room} for period in (8.0, 10.0, 12.0, 16.0) for room in (0.0, 1.0, 2.0, 5.0)]
+QUIET_PLANS: list[dict[str, Any]] = [
+    {"horizon": 30, "edits": 60, "margin": 3.5, "amplitude": amplitude, "clearance": clearance}
+    for amplitude in (0.5, 0.6, 0.7, 0.8, 1.0)
+    for clearance in (0.02, 0.06)
 ]
 SWINGS = [
     {"swing": swing, "look": look, "amplitude": amplitude}
@@ -84,6 +92,9 @@ def rivals(scenario: str) -> dict[str, list[Trial]]:
             "lookahead": _lookaheads(scenario),
         }
     plain = {**still, **loud, "rate_square": squares}
+    if SCENARIOS[scenario].wheels is not None:
+        quiet: list[Trial] = [(own, MPCPolicy(**own)) for own in QUIET_PLANS]
+        return {**plain, "clear_square": [(own, ClearSquarePolicy(**own)) for own in CLEAR], "mpc": quiet}
     if _has_limit(scenario):
         shapes = {"spared_square": spared, "shaped_square": shaped, "corner_tour": toured}
         return {**plain, **shapes, "filter_mpc": rehearsed, "lookahead": _lookaheads(scenario)}

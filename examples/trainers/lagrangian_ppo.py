@@ -25,7 +25,7 @@ from satid_gym.safety import SafetyVectorEnv
 
 LIMITS = {"deflection": 0.01, "rate": 0.01}  # of the decisions' mean costs
 WORLD = {"satellite": "microsat", "inertia": "static", "scenario": "flex", "control": "rate", "observation": "body"}
-UNPUNISHED = {"envelope_weight": 0.0, "deflection_weight": 0.0, "saturation_weight": 0.0}
+UNPUNISHED = dict.fromkeys(("envelope_weight", "deflection_weight", "avoided_band_weight", "saturation_weight"), 0.0)
 MULTIPLIER_RATE = 0.1  # of a multiplier in an update, by the cost over its limit less 1, at most 1
 PROPORTION = 1.0  # of what a cost is beyond its limit now, which damps how multiplier and cost swing about each other
 LOG_STD = (-1.5, -2.5)  # of exploration, first and last: it ends as nearly the mean action that is flown afterwards

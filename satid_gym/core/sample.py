@@ -11,7 +11,7 @@ from satid_gym.core.truth.operations import note_operations
 from satid_gym.core.truth.random_walk import walk_as_modelled, walk_gyro_bias
 from satid_gym.core.truth.sampling import advance_sampled
 from satid_gym.core.truth.sensors import drive_motors, read_sensors
-from satid_gym.core.truth.speed_limit import is_in_avoided_band
+from satid_gym.core.wheels import is_in_band
 
 
 @inline
@@ -41,7 +41,7 @@ def measure(plant, task, report):
         outside = outside or abs(plant.rate[i]) > task.rate_limit
     if outside:
         report.outside += 1.0
-    if is_in_avoided_band(plant):
+    if is_in_band(plant.wheel_speed, plant.avoided_speed):
         report.in_avoided_band += 1.0
     report.tracking += plant.tracker.tracks
     for k in range(plant.locked.shape[0]):

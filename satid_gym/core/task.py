@@ -44,6 +44,7 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("envelope_weight", FLOAT),
             ("saturation_weight", FLOAT),
             ("deflection_weight", FLOAT),
+            ("avoided_band_weight", FLOAT),
             ("effort_weight", FLOAT),
             ("observation", INT),  # an ObservationForm
             ("tells_walk", INT),  # whether the filter's walk of the inertia is observed

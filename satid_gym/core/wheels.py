@@ -37,6 +37,15 @@ def wheel_momentum(wheels, speed):
 
 
 @inline
+def is_in_band(speed, band):
+    """Whether the speed of a wheel is within a band (low, high), in either direction, rad/s."""
+    inside = False
+    for k in range(speed.shape[0] if band[1] > band[0] else 0):
+        inside = inside or band[0] <= abs(speed[k]) <= band[1]
+    return inside
+
+
+@inline
 def reachable(axes, values):
     """|A| v: the most that wheels of up to values (n,) each can add up to along each body axis."""
     total = (0.0, 0.0, 0.0)

@@ -41,7 +41,7 @@ class ClearSquarePolicy:
     name = "clear_square"
     kind: Kind = "closed_loop"
 
-    def __init__(self, period: float = 12.0, room: float = 15.0, margin: float = 3.5) -> None:
+    def __init__(self, period: float = 10.0, room: float = 0.0, margin: float = 3.5) -> None:
         self.period = check_number("period", period, strict=True)
         self.room = check_number("room", room)
         self.margin = check_number("margin", margin)

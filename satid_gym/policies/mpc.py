@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from satid_gym.config import check_flag, check_number
-from satid_gym.control.planning.planner import ADAPTIVE_WALK, PLANNING_MARGIN, Planner
+from satid_gym.control.planning.planner import ADAPTIVE_WALK, CLEARANCE, PLANNING_MARGIN, Planner
 from satid_gym.control.rate_loop import rate_loop
 from satid_gym.gym_api import planner_streams
 from satid_gym.policy import Kind, Mission
@@ -31,6 +31,8 @@ class MPCPolicy:
         edits: changes of the plan tried per decision.
         margin: margin of the rate loop, see `RateLoop`.
         walk: inertia walk of the forecast, per sqrt(s), if the scenario's filter is adaptive.
+        amplitude: of the rates, over what the envelope allows.
+        clearance: that plans keep from a band of wheel speed that operators avoid, over the speed limit.
         include_walk: whether the forecast takes in its place the walk that the filter uses at the time, observed.
 
     Raises:
@@ -47,6 +49,8 @@ class MPCPolicy:
         edits: int = 24,
         margin: float = PLANNING_MARGIN,
         walk: float = ADAPTIVE_WALK,
+        amplitude: float = 1.0,
+        clearance: float = CLEARANCE,
         include_walk: bool = False,
     ) -> None:
         if not all(isinstance(value, int) and value >= 1 for value in (horizon, steps, edits)):
@@ -55,12 +59,14 @@ class MPCPolicy:
             )
         self.horizon, self.steps, self.edits = horizon, steps, edits
         self.include_walk = check_flag("include_walk", include_walk)
+        self.amplitude = check_number("amplitude", amplitude, high=1.0, strict=True)
+        self.clearance = check_number("clearance", clearance, high=1.0)
         self.margin, self.walk = check_number("margin", margin), check_number("walk", walk)
 
     def reset(self, mission: Mission, seeds: Sequence[int]) -> None:
         """Prepare the rate loop, the planner and the initial plan, which is the same for every episode."""
         self._loop = rate_loop([mission], self.margin)
-        self._planner = Planner(mission, len(seeds), self.steps, self.margin, self.walk)
+        self._planner = Planner(mission, len(seeds), self.steps, self.margin, self.walk, self.amplitude, self.clearance)
         self._streams = planner_streams(seeds)
         self._left = mission.scenario.decisions
         ahead = np.arange(self.horizon)[:, None]
@@ -68,10 +74,13 @@ class MPCPolicy:
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Action (N, n)."""
-        return self._loop(observation, self.plan(observation))
+        return self._loop(observation, self.amplitude * self.plan(observation))
 
     def plan(self, observation: np.ndarray) -> np.ndarray:
-        """Rate command (N, 3), each -1 or 1, for the decision after the observation (N, size)."""
+        """Rate command (N, 3) for the decision after the observation (N, size).
+
+        Each is -1 or 1, or smaller where wheels avoid a band of speed.
+        """
         self._search(observation)
         return self._advance()
 

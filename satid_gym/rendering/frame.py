@@ -32,7 +32,9 @@ def draw(history: History, size: int) -> np.ndarray:
     _limits(canvas, history, 40.0, "body rate / limit", rate, "xyz")
     speed = history.wheel_speed / history.satellite.wheels.max_speed
     names = "".join(str(k + 1) for k in range(speed.shape[1]))
-    _limits(canvas, history, 150.0, "wheel speed / limit", speed, names)
+    low, high = history.satellite.wheels.avoided_speed
+    avoided = np.array([low, high]) / history.satellite.wheels.max_speed.min()
+    _limits(canvas, history, 150.0, "wheel speed / limit", speed, names, avoided)
     _inertia(canvas, history)
     return canvas.pixels()
 
@@ -62,18 +64,32 @@ def _scene(canvas: Canvas, history: History) -> None:
     canvas.unclip()
 
 
-def _limits(canvas: Canvas, history: History, y: float, title: str, values: np.ndarray, names: str) -> None:
-    """Draw curves in multiples of their limit; the title is red while one is beyond it."""
+def _limits(
+    canvas: Canvas,
+    history: History,
+    y: float,
+    title: str,
+    values: np.ndarray,
+    names: str,
+    avoided: np.ndarray | None = None,
+) -> None:
+    """Draw curves in multiples of their limit; the title is red while one is beyond it, or in a band (2,) to avoid."""
     strip = Strip(
         canvas=canvas, x=294.0, y=y + 18.0, width=176.0, height=80.0, horizon=history.horizon, low=-1.25, high=1.25
     )
-    beyond = bool(np.abs(values[-1]).max() > 1.0)
+    size, whole = np.abs(values[-1]), np.array([0.0, history.horizon])
+    beyond = bool(size.max() > 1.0)
+    if avoided is not None and avoided[1] > avoided[0]:
+        beyond = beyond or bool(((size >= avoided[0]) & (size <= avoided[1])).any())
     canvas.text((294.0, y + 9.0), title, ALARM if beyond else TEXT)
     for i, name in enumerate(reversed(names)):
         canvas.text((468.0 - 11.0 * i, y + 9.0), name, series_colour(len(names) - 1 - i), 11.0, "right")
     strip.ground()
     if history.operations is not None:
         Payload(history, history.operations).windows(strip)
+    if avoided is not None and avoided[1] > avoided[0]:
+        for low, high in (avoided, -avoided[::-1]):
+            strip.band(whole, np.full(2, low), np.full(2, high), ALARM, 0.25)
     strip.level(0.0)
     for limit in (-1.0, 1.0):
         strip.level(limit, shade(ALARM, RULE, 0.3), dashes=24)

@@ -25,8 +25,10 @@ from satid_gym.core.control.allocation import allocate, storable
 from satid_gym.core.jit import inline, kernel
 from satid_gym.core.records import Criterion
 from satid_gym.core.reward import dispersion, nats
+from satid_gym.core.wheels import is_in_band
 
 _LOGDET = int(Criterion.LOGDET)
+_SHUNNED = 30.0  # times as much the error of a step counts in which a wheel is in the band
 
 
 class World(NamedTuple):
@@ -36,6 +38,7 @@ class World(NamedTuple):
         allocation: (n, 3) pseudo-inverse of the wheel axes.
         rotor_inertia: (3, 3) A j A^T, kg m^2.
         max_torque, max_spin: (n,) limits of the wheels, N m and N m s, the latter less its margin.
+        avoided: (low, high) band of wheel speed that operators avoid, rad/s; none where they are equal.
         step: s.
         steps: in a decision.
     """
@@ -44,16 +47,25 @@ class World(NamedTuple):
     rotor_inertia: np.ndarray
     max_torque: np.ndarray
     max_spin: np.ndarray
+    avoided: np.ndarray
     step: float
     steps: int
 
 
 class Start(NamedTuple):
-    """Present of N episodes: belief records (N,), body rates (N, 3) and the largest to be commanded (N, 3), rad/s."""
+    """Present of N episodes.
+
+    Attributes:
+        beliefs: (N,) records.
+        rates: (N, 3) of the body, rad/s.
+        caps: (N, 3) largest to be commanded, rad/s.
+        null_speeds: (N, n) part of the wheels' speeds whose momenta cancel, rad/s.
+    """
 
     beliefs: np.ndarray
     rates: np.ndarray
     caps: np.ndarray
+    null_speeds: np.ndarray
 
 
 class Observed(NamedTuple):
@@ -79,7 +91,8 @@ class Trail(NamedTuple):
     Attributes:
         beliefs: (H + 1,) belief records.
         rates: (H + 1, 3) rad/s.
-        errors: (H + 1,) sum over steps of the relative error that the filter expects.
+        errors: (H + 1,) sum over steps of the relative error that the filter expects, more where a wheel is in the
+            band.
     """
 
     beliefs: np.ndarray
@@ -138,8 +151,13 @@ def _frobenius(belief):
 
 
 @inline
-def fly_plan(trail, scratch, cap, plan, first, world, counting, error_max):
-    """Nats gained (where counting) by a plan from its decision `first` on; it stops where the error is too large."""
+def fly_plan(trail, scratch, limits, plan, first, world, counting, error_max):
+    """Nats gained (where counting) by a plan from its decision `first` on; it stops where the error is too large.
+
+    Limits are the largest rates (3,) to be commanded and the part of the wheels' speeds (n,) whose momenta cancel,
+    which stays. Outside the band alone a step gains what is counted, and inside it its error counts more.
+    """
+    cap, null_speed = limits
     inertia = estimated_inertia(trail.beliefs[first])
     J_free = axpy_symmetric(-1.0, load_symmetric(world.rotor_inertia), inertia)
     free = (J_free, inverse(J_free))
@@ -155,12 +173,18 @@ def fly_plan(trail, scratch, cap, plan, first, world, counting, error_max):
         for s in range(steps):
             now = axpy((s + 1.0) / steps, change, omega)
             _turn(belief, work, world.allocation, inertia, now, world.step, scratch.wheel, scratch.rate)
+            shunned = False
+            if world.avoided[1] > world.avoided[0]:
+                for k in range(null_speed.shape[0]):
+                    scratch.wheel[k] += null_speed[k]
+                shunned = is_in_band(scratch.wheel, world.avoided)
             before = dispersion(belief, work, _LOGDET) if counting else 1.0
             momentum_filter.condition(belief, work, scratch.rate)
             if counting:
-                gained += nats(belief, before / dispersion(belief, work, _LOGDET), _LOGDET)
+                nats_here = nats(belief, before / dispersion(belief, work, _LOGDET), _LOGDET)
+                gained += 0.0 if shunned else nats_here
             size, error = _frobenius(belief)
-            total += error / size
+            total += (_SHUNNED if shunned else 1.0) * (error / size)
         store(trail.rates[d + 1], end)
         trail.errors[d + 1] = total
         if total > error_max:
@@ -196,6 +220,7 @@ def forecast_many(start, trail, scratch, commands, world, gained, error):
     for i in range(start.beliefs.shape[0]):
         row = min(i, commands.shape[0] - 1)
         trail.beliefs[0], trail.rates[0] = start.beliefs[i], start.rates[i]
+        limits = (start.caps[i], start.null_speeds[i])
         for c in range(commands.shape[1]):
-            gained[i, c] = fly_plan(trail, scratch, start.caps[i], commands[row, c], 0, world, True, np.inf)
+            gained[i, c] = fly_plan(trail, scratch, limits, commands[row, c], 0, world, True, np.inf)
             error[i, c] = trail.errors[ahead] / (ahead * world.steps)

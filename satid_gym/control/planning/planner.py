@@ -22,10 +22,12 @@ from satid_gym.estimators.momentum import MomentumEKFSettings
 from satid_gym.estimators.records import new_belief, new_work
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.policy import Mission
+from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.sensors import Sensors
 from satid_gym.tolerances import Tolerances
 
 PLANNING_MARGIN = 2.75  # of the rate loop, standard deviations, where no tuning has found a better one
+CLEARANCE = 0.02  # of wheels from the band that operators avoid, over their speed limit
 ADAPTIVE_WALK = 0.0012  # of the MomentumEKF that stands for an adaptive one; of 0.0003 to 0.004 on tuning seeds
 
 
@@ -51,12 +53,23 @@ class Planner:
         steps: of the forecast in each decision.
         margin: of the rate loop, see `RateLoop`.
         walk: of the inertia, per sqrt(s), that forecasts take where the filter that is flown is adaptive.
+        amplitude: of the rates, over what the envelope allows.
+        clearance: that wheels keep from the band that operators avoid, over their speed limit.
     """
 
-    def __init__(self, mission: Mission, episodes: int, steps: int, margin: float, walk: float = ADAPTIVE_WALK) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        episodes: int,
+        steps: int,
+        margin: float,
+        walk: float = ADAPTIVE_WALK,
+        amplitude: float = 1.0,
+        clearance: float = CLEARANCE,
+    ) -> None:
         scenario, layout = mission.scenario, mission.layout
         self.constants, self.layout = PlantConstants.of([mission]), layout
-        self._margin = margin
+        self._margin, self._amplitude = margin, amplitude
         step = scenario.decision_period / steps
         theta = layout["inertia"].stop - layout["inertia"].start
         self._parameters: Parameters = "principal" if theta == 3 else "full"
@@ -80,6 +93,7 @@ class Planner:
             rotor_inertia=constants.rotor_inertia[0],
             max_torque=constants.max_torque[0],
             max_spin=np.maximum(constants.max_spin - margin * constants.impulse_std, 0.0)[0],
+            avoided=_widened(mission.satellite.wheels, clearance),
             step=step,
             steps=steps,
         )
@@ -106,12 +120,13 @@ class Planner:
         return belief
 
     def rate_cap(self) -> np.ndarray:
-        """(N, 3) rad/s: the rate limit less the margin for the motors' noise and the gyro's."""
+        """(N, 3) rad/s: the rate limit less the margin for the motors' noise and the gyro's, times the amplitude."""
         constants, belief = self.constants, self._before
         assert belief is not None
         J_inv = np.linalg.inv(belief.inertia)
         noise = (((J_inv @ constants.axes) * constants.impulse_std[:, None, :]) ** 2).sum(axis=2)
-        return np.maximum(constants.rate_limit - self._margin * np.sqrt(noise + constants.gyro_noise_std**2), 0.0)
+        margin = self._margin * np.sqrt(noise + constants.gyro_noise_std**2)
+        return self._amplitude * np.maximum(constants.rate_limit - margin, 0.0)
 
     def forecast(self, commands: np.ndarray) -> Forecast:
         """Fly candidates (N or 1, C, H, 3): H decisions of rate commands in [-1, 1]."""
@@ -154,7 +169,16 @@ class Planner:
 
     def _start(self) -> Start:
         assert self._before is not None
-        return Start(self.beliefs, self._before.omega, self.rate_cap())
+        constants, h = self.constants, self._before.wheel_momentum
+        null = (h - times(constants.allocation, times(constants.axes, h))) / constants.wheel_inertia
+        return Start(self.beliefs, self._before.omega, self.rate_cap(), null)
+
+
+def _widened(wheels: ReactionWheels, clearance: float) -> np.ndarray:
+    """Band of wheel speed (2,) that plans keep out of, rad/s."""
+    low, high = wheels.avoided_speed
+    room = clearance * wheels.max_speed.min() if high > low else 0.0
+    return np.array([max(low - room, 0.0), high + room])
 
 
 def planning_walk(estimator: EstimatorSettings, adaptive: float = ADAPTIVE_WALK) -> float:

@@ -88,13 +88,3 @@ def limit_speeds(plant):
             beyond = True
     if beyond:
         set_speeds(plant)
-
-
-@inline
-def is_in_avoided_band(plant):
-    """Whether the speed of a wheel is within the band that operators avoid."""
-    low, high = plant.avoided_speed[0], plant.avoided_speed[1]
-    inside = False
-    for k in range(plant.locked.shape[0] if high > low else 0):
-        inside = inside or low <= abs(plant.wheel_speed[k]) <= high
-    return inside
