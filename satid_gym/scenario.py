@@ -125,8 +125,8 @@ class Scenario(Config):
             check_number(name, getattr(self, name))
         check_number("rate_bandwidth", self.rate_bandwidth, strict=True)
         check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
-        check_number("termination_factor", self.termination_factor, low=1.0)
-        check_number("deflection_factor", self.deflection_factor, low=1.0)
+        for name in ("termination_factor", "deflection_factor"):
+            check_number(name, getattr(self, name), low=1.0)
         for name, read in zip(_PARTS, _READERS, strict=True):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read(getattr(self, name)))
@@ -188,12 +188,10 @@ class Scenario(Config):
         Raises:
             ValueError: one cannot carry them.
         """
-        own = list(satellites)
-        if self.wheels is not None:
-            own = [self.wheels.equip(s, s.rate_limit if self.rate_limit is None else self.rate_limit) for s in own]
-        if self.appendages is not None:
-            own = [equipped for satellite in own for equipped in self.appendages.equip(satellite)]
-        return tuple(own)
+        own = [s if self.wheels is None else self.wheels.equip(s, self.rate_limit) for s in satellites]
+        if self.appendages is None:
+            return tuple(own)
+        return tuple(equipped for satellite in own for equipped in self.appendages.equip(satellite))
 
     def operate(self, satellite: Satellite) -> Satellite:
         """The satellite as operated in this scenario: with the scenario's limits and sensors where it sets them."""

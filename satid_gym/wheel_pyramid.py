@@ -45,11 +45,17 @@ class WheelPyramid(Config):
             )
         object.__setattr__(self, "avoided", (low, high))
 
-    def equip(self, satellite: Satellite, rate_limit: float) -> Satellite:
-        """The satellite with these wheels in place of its own; rate limit in rad/s."""
+    def equip(self, satellite: Satellite, rate_limit: float | None = None) -> Satellite:
+        """The satellite with these wheels in place of its own.
+
+        Args:
+            satellite: to take them.
+            rate_limit: rad/s; None: the satellite's.
+        """
         own, level = satellite.wheels, np.cos(self.elevation)
         up = np.full(len(_AZIMUTHS), np.sin(self.elevation))
-        body = float(np.linalg.eigvalsh(satellite.inertia)[-1]) * rate_limit  # N m s
+        body_rate = satellite.rate_limit if rate_limit is None else rate_limit
+        body = float(np.linalg.eigvalsh(satellite.inertia)[-1]) * body_rate  # N m s
         max_speed = self.momentum * body / own.inertia[0]
         wheels = ReactionWheels(
             axes=np.stack([level * np.cos(_AZIMUTHS), level * np.sin(_AZIMUTHS), up]),

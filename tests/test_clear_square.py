@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baselines.scenarios.flights import flown
-from baselines.scenarios.four_wheels import FourWheels, Wheels, cell_of, rows_of, summary
+from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.rivals import Quieter
-from baselines.studies.worlds import on_pyramid
-from satid_gym import SATELLITES, SatInertiaIDVectorEnv
+from satid_gym import SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policies import build
@@ -17,18 +15,17 @@ from satid_gym.policies.clear_square import ClearSquarePolicy
 from satid_gym.policies.rate_square import RateSquarePolicy
 from satid_gym.policy import only_mission
 
-SMALL = Wheels(scale=0.3, load=0.5, high=20.0)
+CELL = Cell(scenario="wheels4", satellite="microsat", inertia="static")
 BAND = COSTS.index("avoided_band")
 
 
 def _env(count=8, **settings):
-    cell = cell_of("microsat", SMALL)
-    return SatInertiaIDVectorEnv(count, cell.satellite, cell.inertia, cell.scenario, control="rate", **settings)
+    return SatInertiaIDVectorEnv(count, CELL.satellite, CELL.inertia, CELL.scenario, **{"control": "rate", **settings})
 
 
 def test_a_part_is_where_no_wheel_comes_near_the_band():
     """By the truth: wheels at both ends of the part that is flown, whichever way the momentum is shared at first."""
-    env, policy = _env(), ClearSquarePolicy(period=12.0, room=15.0)
+    env, policy = _env(), ClearSquarePolicy(room=5.0)
     policy.reset(only_mission(env.problem), range(8))
     observation, _ = env.reset(seed=5)
     for _ in range(30):
@@ -37,15 +34,15 @@ def test_a_part_is_where_no_wheel_comes_near_the_band():
     assert np.abs(action).min(axis=1).max() > 0.1
     np.testing.assert_allclose(np.abs(action).min(axis=1), np.abs(action).max(axis=1), rtol=0.05)  # a diagonal
     speeds = np.abs(env.fleet.rows.plants["wheel_speed"])
-    assert (speeds.min(axis=1) > 20.0).mean() > 0.8
+    assert (speeds.min(axis=1) > env.problem.satellites[0].wheels.avoided_speed[1]).mean() > 0.8
     env.close()
 
 
 def test_it_excites_more_than_a_square_wave_that_spends_as_little_time_in_the_band():
-    cell, flights = cell_of("microsat", SMALL), seeds("validation", 12)
-    clear = flown(cell, ClearSquarePolicy(), flights)
-    square = flown(cell, Quieter(RateSquarePolicy(12.0, 3.5), 0.2), flights)
-    loud = flown(cell, Quieter(RateSquarePolicy(12.0, 3.5), 0.5), flights)
+    flights = seeds("validation", 12)
+    clear = flown(CELL, ClearSquarePolicy(), flights)
+    square = flown(CELL, Quieter(RateSquarePolicy(12.0, 3.5), 0.2), flights)
+    loud = flown(CELL, Quieter(RateSquarePolicy(12.0, 3.5), 0.5), flights)
     assert clear.expected.mean() < 0.8 * square.expected.mean()
     assert clear.costs[:, BAND].mean() < 0.5 * loud.costs[:, BAND].mean()
     assert 0.3 < clear.nees.mean() < 2.0
@@ -61,19 +58,7 @@ def test_bad_settings_are_refused(settings, message):
 
 
 def test_it_needs_rates_and_the_speed_of_each_wheel():
-    satellite = on_pyramid(SATELLITES["microsat"], (0.0, 10.0))
     for settings, message in (({"control": "torque"}, "commands body rates"), ({"observation": "body"}, "each wheel")):
-        env = SatInertiaIDVectorEnv(1, satellite, "static", **{"control": "rate", **settings})
+        env = _env(1, **settings)
         with pytest.raises(ValueError, match=message):
             ClearSquarePolicy().reset(only_mission(env.problem), [0])
-
-
-def test_the_study_says_what_is_inside():
-    """A square wave at its largest is outside, and the best that heeds no limit expects no more than any other."""
-    rows = [{**row, "world": "small"} for row in rows_of(FourWheels(episodes=1), "small wheels", True)]
-    (line,) = summary(rows)
-    world, motion, _, *best, free = line
-    assert (world, motion) == ("small", "yes")
-    inside = [float(figure.split()[0]) for figure in best[:2] if figure != "none"]
-    assert inside
-    assert min(inside) >= float(free)

@@ -244,7 +244,8 @@ def test_innocube_has_what_its_telemetry_gave():
 
 
 def test_scenarios():
-    assert sorted(SCENARIOS) == ["calibration", "default", "faults", "flex", "operations", "paper", "slosh", "tight"]
+    names = "calibration default faults flex operations paper slosh tight wheels4"
+    assert " ".join(sorted(SCENARIOS)) == names
     default, tight, paper = SCENARIOS["default"], SCENARIOS["tight"], SCENARIOS["paper"]
     assert (default.decisions, default.samples, paper.samples) == (300, 10, 1)
     microsat = SATELLITES["microsat"]
@@ -259,6 +260,7 @@ def test_scenarios():
     assert problem(scenario="faults").estimator == default.replace(gate=1e-6)
     assert [name for name in SCENARIOS if SCENARIOS[name].faults.possible] == ["faults"]
     assert [name for name in SCENARIOS if SCENARIOS[name].appendages is not None] == ["flex", "slosh"]
+    assert [name for name in SCENARIOS if SCENARIOS[name].wheels is not None] == ["wheels4"]
 
 
 def test_arrays_of_settings_cannot_be_changed():

@@ -81,6 +81,7 @@ def state_of(env: SatInertiaIDEnv) -> bytes:
         {"scenario": "slosh"},
         {"scenario": "calibration", "control": "rate", "observation": "body"},
         {"scenario": "operations", "control": "rate", "observation": "body"},
+        {"scenario": "wheels4", "control": "rate"},
     ],
     ids=str,
 )

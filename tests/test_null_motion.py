@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baselines.scenarios.flights import flown
-from baselines.scenarios.four_wheels import Wheels, cell_of, shared_evenly
+from baselines.scenarios.flights import AnyCell, flown
 from baselines.studies.worlds import PYRAMID, on_pyramid
 from satid_gym import SATELLITES, ReactionWheels, SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
@@ -69,9 +68,16 @@ def test_a_band_that_does_not_begin_at_rest_is_kept_out_of_from_either_side():
     assert not ((np.abs(speeds[20:]) >= 300.0) & (np.abs(speeds[20:]) <= 320.0)).any()
 
 
+def shared_evenly(env, observation):
+    """Let wheels share the momentum evenly, as if they had no speed to avoid; what is observed stays."""
+    env.fleet.rows.tasks["tracking"]["null"]["on"] = 0
+    return observation
+
+
 def test_full_rates_are_flown_with_hardly_any_time_in_the_band():
     """Sharing the momentum evenly, the wheels spend a fifth of the time there."""
-    cell = cell_of("microsat", Wheels())
+    pyramid = on_pyramid(SATELLITES["microsat"], (0.0, 10.0))
+    cell = AnyCell(scenario="default", satellite=pyramid, inertia="static")
     band = COSTS.index("avoided_band")
     kept = flown(cell, RateSquarePolicy(24.0, 3.5), seeds("validation", 6))
     even = flown(cell, RateSquarePolicy(24.0, 3.5), seeds("validation", 6), shared_evenly)

@@ -35,8 +35,10 @@ from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
+from satid_gym.wheel_pyramid import WheelPyramid
 
 SOURCE = "agents.docs.tables"
+_SHOWN_ELSEWHERE = ("name", "laws", "faults", "appendages", "wheels", "operations")  # in tables of their own
 
 
 def meanings(cls: type) -> dict[str, str]:
@@ -75,7 +77,14 @@ def scenarios() -> str:
     said, default = meanings(Scenario), SCENARIOS["default"]
     rows = []
     for field in dataclasses.fields(Scenario):
-        if field.name in ("name", "laws", "faults", "appendages", "operations"):  # these have tables of their own
+        if field.name in (
+            "name",
+            "laws",
+            "faults",
+            "appendages",
+            "wheels",
+            "operations",
+        ):  # these have tables of their own
             continue
         values = [getattr(s, field.name) for s in SCENARIOS.values()]
         cells = [
@@ -126,18 +135,12 @@ def settings(cls: type[Config], given: Config | None = None) -> str:
     return table(["setting", "default" if given is None else "value", "meaning"], rows)
 
 
-def calibration() -> str:
-    """Tolerances and star tracker of the scenario of that name."""
-    own = SCENARIOS["calibration"]
+def sighted(scenario: str, cls: type[Config], part: str) -> Callable[[], str]:
+    """Writer of a part of a scenario's settings, and those of its star tracker."""
+    own = SCENARIOS[scenario]
     assert own.sensors is not None
-    return "\n\n".join((settings(Tolerances, own.tolerances), settings(StarTracker, own.sensors.star_tracker)))
-
-
-def operations() -> str:
-    """Operations, tolerances and star tracker of the scenario of that name."""
-    own = SCENARIOS["operations"]
-    assert own.sensors is not None
-    return "\n\n".join((settings(Operations, own.operations), settings(StarTracker, own.sensors.star_tracker)))
+    tracker = own.sensors.star_tracker
+    return lambda: "\n\n".join((settings(cls, getattr(own, part)), settings(StarTracker, tracker)))
 
 
 def _default(value: Any) -> str:
@@ -170,8 +173,9 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "satellites": satellites,
         "scenarios": scenarios,
         "appendages": appendages,
-        "calibration": calibration,
-        "operations": operations,
+        "calibration": sighted("calibration", Tolerances, "tolerances"),
+        "operations": sighted("operations", Operations, "operations"),
+        "wheels": lambda: settings(WheelPyramid, SCENARIOS["wheels4"].wheels),
         "gate": worlds.gates,
         "planners": worlds.planners,
         "looking ahead": worlds.looking_ahead,
@@ -215,7 +219,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "consistency": lambda: consistency(tracker_table, "star_tracker"),
     },
     "unmodelled.md": {"unmodelled": worlds.unmodelled},
-    "rates.md": {"rate loops": worlds.rate_loops, "four wheels": worlds.four_wheels},
+    "rates.md": {"rate loops": worlds.rate_loops},
     "truth.md": {"basilisk": worlds.basilisk, "tours": worlds.tours},
     "notes/every_cell.md": {
         "standing": compared(results_tables.standing_tables),

@@ -13,7 +13,6 @@ from agents.standing.lookahead_table import lookahead_table
 from agents.standing.paired_table import paired_table
 from agents.standing.summary import RUNGS, is_consistent, ladder
 from baselines.command.markdown import table
-from baselines.scenarios.four_wheels import HEAD, summary
 from satid_gym.files import read_json
 
 Cell = Mapping[str, Any]
@@ -46,7 +45,7 @@ def _gates(kind: str, *scenarios: str) -> str:
 
 def gates() -> str:
     """Ladders of the scenarios, from the committed gates."""
-    return _gates("gate", "flex", "slosh", "calibration", "operations")
+    return _gates("gate", "flex", "slosh", "calibration", "operations", "wheels4")
 
 
 def planners() -> str:
@@ -72,13 +71,6 @@ def looking_ahead() -> str:
 def pairs(scenario: str, policy: str, others: str) -> Callable[[], str]:
     """Writer of a policy next to others, names with spaces, from the committed comparison in a scenario."""
     return lambda: paired_table(_committed(f"pairs_{scenario}", "rows"), policy, others.split())
-
-
-def four_wheels() -> str:
-    """Four wheels with and without null motion, from the committed study."""
-    results = _committed("four_wheels", "cells")
-    flown = "{satellite}, {episodes} tuning episodes a flight; revision ".format(**results["settings"])
-    return table(list(HEAD), summary(results["cells"]), text_columns=2) + f"\n\n{flown}{results['revision'][:7]}."
 
 
 def basilisk() -> str:

@@ -75,6 +75,8 @@ CASES: dict[str, dict[str, Any]] = {
     "calibration, smallsat": {"satellite": "smallsat", "scenario": "calibration", "inertia": "static"},
     "rates, operations, body": {"scenario": "operations", "control": "rate", "observation": "body"},
     "operations, cubesat": {"satellite": "cubesat", "scenario": "operations", "inertia": "step"},
+    "rates, wheels4": {"scenario": "wheels4", "control": "rate", "inertia": "periodic"},
+    "rates, wheels4, cubesat": {"satellite": "cubesat", "scenario": "wheels4", "control": "rate", "inertia": "static"},
 }
 
 

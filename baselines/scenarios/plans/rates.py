@@ -12,8 +12,8 @@ from satid_gym.policy import Kind, Mission, Policy, check_commands_rates
 
 _SPAN = 30  # decisions, the longest stretch that an edit changes, but for shifts
 _SHIFT = 4  # decisions, the longest shift
-_MOST = 0.95  # of the rate limit
-_LEVELS = (-_MOST, -0.5, 0.0, 0.5, _MOST)
+_RATE_MAX = 0.95  # of the rate limit
+_LEVELS = (-_RATE_MAX, -0.5, 0.0, 0.5, _RATE_MAX)
 
 
 class RatesPlan:
@@ -81,11 +81,11 @@ def edited(plan: np.ndarray, others: np.ndarray, rng: np.random.Generator) -> np
         if kind < 0.3:
             plan[here, axis] *= -1.0
         elif kind < 0.5:
-            plan[here] = rng.choice([-1.0, 0.0, 1.0], 3) * rng.uniform(0.2, _MOST)
+            plan[here] = rng.choice([-1.0, 0.0, 1.0], 3) * rng.uniform(0.2, _RATE_MAX)
         elif kind < 0.65:
             plan[first:] = np.roll(plan[first:], rng.integers(-_SHIFT, _SHIFT + 1), axis=0)
         elif kind < 0.8:
-            plan[here] = np.clip(plan[here] * rng.uniform(0.5, 1.6), -_MOST, _MOST)
+            plan[here] = np.clip(plan[here] * rng.uniform(0.5, 1.6), -_RATE_MAX, _RATE_MAX)
         elif kind < 0.9:
             plan[here, axis] = rng.choice(_LEVELS)
         else:
