@@ -105,7 +105,7 @@ def test_compiled_equals_filterpy(oscillators, tolerances, parameters):
     plain.reset(prior, gyro[0], tachometer[0])
     np.testing.assert_allclose(compiled.mean[0], plain.mean, rtol=1e-12)
     np.testing.assert_allclose(compiled.covariance[0], plain.covariance, rtol=1e-9, atol=1e-21)
-    for i in range(1, 300):
+    for i in range(1, 300 if parameters == "principal" else 120):  # the largest filter takes long in Python
         plain.predict(tachometer[i], dt)
         nis = plain.update(gyro[i], tachometer[i])
         std = np.sqrt(np.maximum(np.diag(plain.covariance), 1e-300))
