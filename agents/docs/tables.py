@@ -77,14 +77,7 @@ def scenarios() -> str:
     said, default = meanings(Scenario), SCENARIOS["default"]
     rows = []
     for field in dataclasses.fields(Scenario):
-        if field.name in (
-            "name",
-            "laws",
-            "faults",
-            "appendages",
-            "wheels",
-            "operations",
-        ):  # these have tables of their own
+        if field.name in _SHOWN_ELSEWHERE:
             continue
         values = [getattr(s, field.name) for s in SCENARIOS.values()]
         cells = [

@@ -4,10 +4,10 @@ Flies, by body rates, from nothing to an oracle:
 
 - zero and random;
 - the paper's eight profiles, and square waves of rate, each with its best settings inside all limits;
-- the closed loop made for the scenario, `shaped_square`, `swing_and_stop` or `swing_between`, with its best settings
-  inside all limits;
-- planners: `filter_mpc` and `lookahead` with the whole model, and where there is a star tracker `greedy` and
-  `mpc`, which know none;
+- the closed loop made for the scenario, `shaped_square`, `swing_and_stop`, `swing_between` or `clear_square`, with its
+  best settings inside all limits;
+- planners: `filter_mpc` and `lookahead` with the whole model, where there is a star tracker `greedy` and `mpc`, which
+  know none, and where wheels avoid a band of speed `mpc`, which knows it;
 - learned policies that are named, as they are;
 - an oracle that is told the true modes, or the sky, and searches the plan of each episode by the cross-entropy method.
 
@@ -15,7 +15,8 @@ Where there are imaging windows an operator flies too, who turns to the targets 
 zero and random excite in the gaps between windows alone.
 
 The oracle searches settings of that closed loop alone, in `slosh` corners of `corner_tour`: what it finds bounds that
-family of excitations, not all.
+family of excitations, not all. In `wheels4` it searches the rates of every decision, from flights of `clear_square` and
+`mpc` on.
 
 Settings are chosen on tuning seeds and flown on validation seeds. What is compared is the error that the filter
 expects, its mean over the flight, and not the one that is found at its end: of many plans an oracle would else choose a

@@ -137,7 +137,7 @@ class Planner:
         return out
 
     def improve(self, plans: np.ndarray, streams: np.ndarray, edits: int, ahead: int) -> None:
-        """Reduce the error that plans (N, H, 3) of rate commands, each -1 or 1, promise over `ahead` decisions.
+        """Reduce the error that plans (N, H, 3) of rate commands promise over `ahead` decisions.
 
         Local search: one edit after another, drawn from the streams (N, 4), is kept where it helps.
         """
