@@ -9,7 +9,7 @@ from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.oracle import search
 from baselines.scenarios.plans.rates import RatesPlan, Recorder
 from baselines.studies.worlds import PYRAMID
-from satid_gym import SATELLITES, SCENARIOS, SatInertiaIDEnv
+from satid_gym import SATELLITES, SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.clear_square import ClearSquarePolicy
@@ -94,6 +94,24 @@ def test_the_reward_has_the_share_of_time_in_the_band():
     assert share == again
     assert max(share) > 0.0
     np.testing.assert_allclose(np.subtract(free, punished), 10.0 * np.array(share), atol=1e-5)
+
+
+def test_single_and_vector_environment_fly_the_same():
+    """Any satellite, any law: costs and observations, to the last bit."""
+    settings = {"satellite": "random", "scenario": "wheels4", "control": "rate"}
+    actions = np.random.default_rng(2).uniform(-0.8, 0.8, (12, 4, 3)).astype(np.float32)
+    vector = SatInertiaIDVectorEnv(4, **settings)
+    vector.reset(seed=30)
+    together = [vector.step(action) for action in actions]
+    vector.close()
+    for i in range(4):
+        env = SatInertiaIDEnv(**settings)
+        env.reset(seed=30 + i)
+        for action, (observation, reward, *_, info) in zip(actions, together, strict=True):
+            own, paid, *_, told = env.step(action[i])
+            np.testing.assert_array_equal(own, observation[i])
+            assert paid == reward[i]
+            assert told["costs"]["avoided_band"] == info["costs"]["avoided_band"][i]
 
 
 def test_at_rest_the_wheels_are_kept_out_of_it():
