@@ -123,8 +123,8 @@ class Pairing:
     scenario: ScenarioText = "default"
     """Scenario: a name, a .json or .toml file, or module:name (runs the module's code)."""
     control: Literal["torque", "rate"] = "torque"
-    """What policies command: wheel torque, or body rates, by which `flex`, `slosh`, `calibration` and `operations` are
-    flown in the standing table. Baselines then have the settings of that table."""
+    """What policies command: wheel torque, or body rates, by which scenarios are flown in the standing table. Baselines
+    then have the settings of that table."""
     horizon: float | None = None
     """Length of the episode, s; that of the scenario if not given."""
     seed: int = FIRST_SEED["validation"]
