@@ -151,6 +151,18 @@ class Config:
                 raise ValueError(f"{cls.__name__} needs a value for {f.name!r}")
         return cls(**values)
 
+    def _settle(self, name: str, kind: type[Config]) -> None:
+        """Make a field one of a settings class, which it may be already or be given as a mapping.
+
+        Raises:
+            ValueError: it is neither, or one of its settings is not valid.
+        """
+        value = getattr(self, name)
+        if isinstance(value, Mapping):
+            object.__setattr__(self, name, kind.from_dict(value))
+        elif not isinstance(value, kind):
+            raise ValueError(f"{name} must be {kind.__name__} or a mapping of its settings, got {value!r}")
+
     def replace(self, **changes: Any) -> Self:
         """Copy with some fields changed; all checks are repeated."""
         return type(self).from_dict({**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, **changes})  # type: ignore[arg-type]

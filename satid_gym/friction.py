@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from satid_gym.config import Config, check_number
@@ -46,16 +45,3 @@ class WheelFriction(Config):
     def acts(self) -> bool:
         """Whether there is any friction."""
         return self.breakaway > 0.0 or self.viscous > 0.0
-
-
-def friction_of(value: object) -> WheelFriction:
-    """The friction that an instance or a mapping of its settings stands for.
-
-    Raises:
-        ValueError: it is neither, or a setting is not valid.
-    """
-    if isinstance(value, Mapping):
-        return WheelFriction.from_dict(value)
-    if not isinstance(value, WheelFriction):
-        raise ValueError(f"friction must be WheelFriction or a mapping of its settings, got {value!r}")
-    return value

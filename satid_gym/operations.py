@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -66,16 +65,3 @@ class Operations(Config):
         if len(value) != 2:
             raise ValueError(f"{name} of the operations must be (low, high), got {value}")
         return value
-
-
-def operations_of(value: object) -> Operations:
-    """Operations, or a mapping of their settings, as Operations.
-
-    Raises:
-        ValueError: it is neither, or a setting is not valid.
-    """
-    if isinstance(value, Mapping):
-        return Operations.from_dict(value)
-    if not isinstance(value, Operations):
-        raise ValueError(f"operations must be Operations or a mapping of their settings, got {value!r}")
-    return value

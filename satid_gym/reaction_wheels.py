@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from satid_gym.config import Config, real_array
-from satid_gym.friction import WheelFriction, friction_of
+from satid_gym.friction import WheelFriction
 
 _LENGTH_TOLERANCE = 1e-6  # of a wheel axis, whose length must be 1
 _SIGNS = 9  # wheels of which both signs are tried
@@ -60,7 +60,7 @@ class ReactionWheels(Config):
             value = np.broadcast_to(value, n)
             object.__setattr__(self, name, value)
 
-        object.__setattr__(self, "friction", friction_of(self.friction))
+        self._settle("friction", WheelFriction)
         low, high = real_array("avoided_speed of the wheels", self.avoided_speed, (2,)).tolist()
         if not 0.0 <= low <= high:
             raise ValueError(

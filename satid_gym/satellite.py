@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,8 +11,8 @@ from satid_gym.modes import Mode, mode_of
 from satid_gym.oscillators import Oscillator, oscillators_of
 from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.rigid_body import check_left, inertia_tensor
-from satid_gym.sensors import Sensors, sensors_of
-from satid_gym.tolerances import Tolerances, tolerances_of
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +58,7 @@ class Satellite(Config):
         if not self.name:
             raise ValueError(f"satellite name must be a non-empty string, got {self.name!r}")
         object.__setattr__(self, "inertia", inertia_tensor(self.inertia, f"inertia of {self.name}"))
-        if isinstance(self.wheels, Mapping):
-            object.__setattr__(self, "wheels", ReactionWheels.from_dict(self.wheels))
-        if not isinstance(self.wheels, ReactionWheels):
-            raise ValueError(f"wheels must be ReactionWheels or a mapping of its settings, got {self.wheels!r}")
+        self._settle("wheels", ReactionWheels)
         rest = np.linalg.eigvalsh(self.inertia - self.wheels.rotor_inertia)
         if rest[0] <= 0.0:
             raise ValueError(
@@ -80,8 +76,8 @@ class Satellite(Config):
         check_number("gyro_noise_std", self.gyro_noise_std)
         check_number("tachometer_noise_std", self.tachometer_noise_std)
         check_number("disturbance_std", self.disturbance_std)
-        object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
-        object.__setattr__(self, "sensors", sensors_of(self.sensors))
+        self._settle("tolerances", Tolerances)
+        self._settle("sensors", Sensors)
         self.sensors.check(self.tolerances)
         if self.sensors.gyro_range is not None and self.sensors.gyro_range <= self.rate_limit:
             raise ValueError(

@@ -14,21 +14,21 @@ from satid_gym.estimators.registry import estimator_settings
 from satid_gym.estimators.settings import EstimatorSettings
 from satid_gym.expectation import agitation, disturbance_walk, nutation
 from satid_gym.faults import Faults
-from satid_gym.friction import WheelFriction, friction_of
+from satid_gym.friction import WheelFriction
 from satid_gym.law_ranges import LawRanges
-from satid_gym.operations import Operations, operations_of
+from satid_gym.operations import Operations
 from satid_gym.satellite import Satellite
-from satid_gym.sensors import Sensors, sensors_of
-from satid_gym.tolerances import Tolerances, tolerances_of
-from satid_gym.wheel_pyramid import WheelPyramid, wheel_pyramid_of
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
+from satid_gym.wheel_pyramid import WheelPyramid
 
 _SAMPLES_MAX = 100_000  # a decision
 _DECISIONS_MAX = 1_000_000_000  # an episode
 _DELAY_MAX = 1000  # of a command, in samples
 _STEP_MAX = 0.5  # of the rate error that the rate loop takes away in a sample
 _PHASE_MAX = 0.2  # rad, that a late command may cost the rate loop
-_PARTS = ("appendages", "wheels", "friction", "tolerances", "sensors", "operations")  # settings that may be None
-_READERS = (appendages_of, wheel_pyramid_of, friction_of, tolerances_of, sensors_of, operations_of)  # of each
+_PARTS: dict[str, type[Config]] = {"wheels": WheelPyramid, "friction": WheelFriction, "operations": Operations}
+_SHEETS: dict[str, type[Config]] = {"tolerances": Tolerances, "sensors": Sensors}  # in place of a satellite's own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,20 +127,18 @@ class Scenario(Config):
         check_number("wheel_speed_range", self.wheel_speed_range, high=1.0)
         for name in ("termination_factor", "deflection_factor"):
             check_number(name, getattr(self, name), low=1.0)
-        for name, read in zip(_PARTS, _READERS, strict=True):
+        if self.appendages is not None:
+            object.__setattr__(self, "appendages", appendages_of(self.appendages))
+        for name, kind in (_PARTS | _SHEETS).items():
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, read(getattr(self, name)))
+                self._settle(name, kind)
         for name, strict in (("gyro_noise_std", False), ("tachometer_noise_std", False), ("rate_limit", True)):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name), strict=strict)
         object.__setattr__(self, "estimator", estimator_settings(self.estimator))
         object.__setattr__(self, "prior_scale", _prior_scale(self.prior_scale))
-        for name, kind in (("laws", LawRanges), ("faults", Faults)):
-            given = getattr(self, name)
-            if isinstance(given, Mapping):
-                object.__setattr__(self, name, kind.from_dict(given))
-            elif not isinstance(given, kind):
-                raise ValueError(f"{name} must be {kind.__name__} or a mapping of its settings, got {given!r}")
+        self._settle("laws", LawRanges)
+        self._settle("faults", Faults)
         _whole("decision_period / sample_period", self.decision_period / self.sample_period, _SAMPLES_MAX)
         _whole("horizon / decision_period", self.horizon / self.decision_period, _DECISIONS_MAX)
         longest = min(self.samples, _DELAY_MAX)
@@ -201,7 +199,7 @@ class Scenario(Config):
             "wheels": wheels.replace(max_speed=wheels.max_speed * self.wheel_speed_scale, friction=friction),
             "disturbance_std": satellite.disturbance_std * self.disturbance_scale,
         }
-        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std", "tolerances", "sensors"):
+        for name in ("rate_limit", "gyro_noise_std", "tachometer_noise_std", *_SHEETS):
             if getattr(self, name) is not None:
                 changes[name] = getattr(self, name)
         return satellite.replace(**changes)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from satid_gym.config import Config, check_integer, check_number
 from satid_gym.core.sampling import DELAY_MAX, DELAY_SIGMAS, LINE
-from satid_gym.star_tracker import StarTracker, star_tracker_of
+from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 
 
@@ -56,7 +55,7 @@ class Sensors(Config):
         if self.encoder_pulses is not None:
             check_integer("encoder_pulses", self.encoder_pulses)
         if self.star_tracker is not None:
-            object.__setattr__(self, "star_tracker", star_tracker_of(self.star_tracker))
+            self._settle("star_tracker", StarTracker)
 
     @property
     def counts(self) -> bool:
@@ -85,16 +84,3 @@ class Sensors(Config):
                 f"no reading comes before its time: got {tolerances.tachometer_delay:g} of "
                 f"{self.tachometer_delay:g} periods"
             )
-
-
-def sensors_of(value: object) -> Sensors:
-    """Sensors, or a mapping of their settings, as Sensors.
-
-    Raises:
-        ValueError: it is neither, or a setting is not valid.
-    """
-    if isinstance(value, Mapping):
-        return Sensors.from_dict(value)
-    if not isinstance(value, Sensors):
-        raise ValueError(f"sensors must be Sensors or a mapping of its settings, got {value!r}")
-    return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -104,16 +103,3 @@ def earth_angle(orbit_rate: float) -> float:
     Kepler's third law gives the radius, (mu / n^2)^(1/3).
     """
     return float(np.arcsin(min(EARTH_RADIUS * (orbit_rate**2 / EARTH_GRAVITY) ** (1.0 / 3.0), 1.0)))
-
-
-def star_tracker_of(value: object) -> StarTracker:
-    """A star tracker, or a mapping of its settings, as StarTracker.
-
-    Raises:
-        ValueError: it is neither, or a setting is not valid.
-    """
-    if isinstance(value, Mapping):
-        return StarTracker.from_dict(value)
-    if not isinstance(value, StarTracker):
-        raise ValueError(f"star_tracker must be a StarTracker or a mapping of its settings, got {value!r}")
-    return value

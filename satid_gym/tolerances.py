@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from satid_gym.config import Config, check_number
@@ -66,16 +65,3 @@ class Tolerances(Config):
     def states(self, wheels: int) -> int:
         """Number of errors with this number of wheels."""
         return sum(size for size, on in zip((3, 9, 1, 3 * wheels), self.kinds, strict=True) if on)
-
-
-def tolerances_of(value: object) -> Tolerances:
-    """Tolerances, or a mapping of their settings, as Tolerances.
-
-    Raises:
-        ValueError: it is neither, or a setting is not valid.
-    """
-    if isinstance(value, Mapping):
-        return Tolerances.from_dict(value)
-    if not isinstance(value, Tolerances):
-        raise ValueError(f"tolerances must be Tolerances or a mapping of its settings, got {value!r}")
-    return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,16 +65,3 @@ class WheelPyramid(Config):
             avoided_speed=(self.avoided[0] * max_speed, self.avoided[1] * max_speed),
         )
         return satellite.replace(wheels=wheels)
-
-
-def wheel_pyramid_of(value: object) -> WheelPyramid:
-    """A wheel pyramid, or a mapping of its settings, as a WheelPyramid.
-
-    Raises:
-        ValueError: it is neither, or a setting is not valid.
-    """
-    if isinstance(value, Mapping):
-        return WheelPyramid.from_dict(value)
-    if not isinstance(value, WheelPyramid):
-        raise ValueError(f"wheels must be a WheelPyramid or a mapping of its settings, got {value!r}")
-    return value

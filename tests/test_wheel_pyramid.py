@@ -75,7 +75,7 @@ def test_bad_settings_are_refused(settings, message):
 
 
 def test_what_is_no_pyramid_is_refused():
-    with pytest.raises(ValueError, match="wheels must be a WheelPyramid or a mapping of its settings, got 4"):
+    with pytest.raises(ValueError, match="wheels must be WheelPyramid or a mapping of its settings, got 4"):
         WHEELS4.replace(wheels=4)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,8 +11,8 @@ from satid_gym.estimators.inertia import PARAMETER_COUNT, PRODUCTS, Parameters, 
 from satid_gym.modes import Mode, modes_of
 from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.rigid_body import inertia_tensor
-from satid_gym.sensors import Sensors, sensors_of
-from satid_gym.tolerances import Tolerances, tolerances_of
+from satid_gym.sensors import Sensors
+from satid_gym.tolerances import Tolerances
 
 GYRO_STD_MIN = 1e-9  # a sensor said to be noiseless is believed this far
 
@@ -65,15 +64,12 @@ class FilterPrior(Config):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.wheels, Mapping):
-            object.__setattr__(self, "wheels", ReactionWheels.from_dict(self.wheels))
-        if not isinstance(self.wheels, ReactionWheels):
-            raise ValueError(f"wheels must be ReactionWheels or a mapping of its settings, got {self.wheels!r}")
+        self._settle("wheels", ReactionWheels)
         object.__setattr__(self, "inertia", inertia_tensor(self.inertia, "prior inertia"))
         check_number("gyro_noise_std", self.gyro_noise_std, strict=True)
-        object.__setattr__(self, "tolerances", tolerances_of(self.tolerances))
+        self._settle("tolerances", Tolerances)
         object.__setattr__(self, "modes", modes_of(self.modes))
-        object.__setattr__(self, "sensors", sensors_of(self.sensors))
+        self._settle("sensors", Sensors)
         self.sensors.check(self.tolerances)
         if self.sample_period is not None:
             check_number("sample_period", self.sample_period, strict=True)
