@@ -24,6 +24,7 @@ from satid_gym.simulation import Trajectory, simulate
 from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
+from satid_gym.wheel_pyramid import WheelPyramid
 
 __version__ = "0.2.0"
 
@@ -56,6 +57,7 @@ __all__ = [
     "Tolerances",
     "Trajectory",
     "WheelFriction",
+    "WheelPyramid",
     "design",
     "draw_satellite",
     "draw_satellites",

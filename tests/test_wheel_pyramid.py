@@ -9,14 +9,13 @@ from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.oracle import search
 from baselines.scenarios.plans.rates import RatesPlan, Recorder
 from baselines.studies.worlds import PYRAMID
-from satid_gym import SATELLITES, SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv
+from satid_gym import SATELLITES, SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv, WheelPyramid
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS
 from satid_gym.policies.clear_square import ClearSquarePolicy
 from satid_gym.policies.mpc import MPCPolicy
 from satid_gym.policies.reference import ZeroPolicy
 from satid_gym.problem import problem
-from satid_gym.wheel_pyramid import WheelPyramid
 from tests.cases import cases
 
 WHEELS4 = SCENARIOS["wheels4"]

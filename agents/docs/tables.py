@@ -22,7 +22,7 @@ from agents.unseen.table import unseen, unseen_flex
 from baselines import BASELINES, build, tuned_entry
 from baselines.command import cli
 from baselines.command.markdown import table
-from satid_gym import Sensors, StarTracker, Tolerances
+from satid_gym import Sensors, StarTracker, Tolerances, WheelPyramid
 from satid_gym.appendages import Appendages
 from satid_gym.config import Config
 from satid_gym.estimators import MomentumEKFSettings
@@ -35,7 +35,6 @@ from satid_gym.reward import RewardSettings
 from satid_gym.satellite import BENCHMARK_SATELLITES
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
-from satid_gym.wheel_pyramid import WheelPyramid
 
 SOURCE = "agents.docs.tables"
 _SHOWN_ELSEWHERE = ("name", "laws", "faults", "appendages", "wheels", "operations")  # in tables of their own
