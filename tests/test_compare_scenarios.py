@@ -24,7 +24,7 @@ from satid_gym.scenario_catalogue import SCENARIOS
 from tests.cases import cases
 from tests.test_compare import call
 
-BOUNDED = {"default", "tight"}
+BOUNDED = {"default", "tight", "wheels4"}
 
 
 @cases("scenario", SCENARIOS)

@@ -34,7 +34,7 @@ def test_what_a_prior_says_of_motion_between_two_readings(microsat):
 def test_scenarios_take_one_substep_in_errors_of_the_momentum_or_of_the_rate_where_motors_shake_little():
     settings = MomentumEKFSettings()
     for scenario in SCENARIOS.values():
-        for satellite in map(SATELLITES.get, BENCHMARK_SATELLITES):
+        for satellite in scenario.equip([SATELLITES[name] for name in BENCHMARK_SATELLITES]):
             prior = prior_of(satellite, scenario)
             quiet = scenario.name == "operations"  # its motors are five times as quiet as the others'
             assert (settings.steps(prior), settings.updates_rate(prior)) == (1, quiet), (scenario.name, satellite.name)
