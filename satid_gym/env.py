@@ -148,7 +148,7 @@ covariance of the inertia parameters, in nats; never negative, except where the 
 over the rate limit, less 1, where positive |
     | saturated | 1 | share of the wheels that were at their speed limit in the decision |
     | bent | 10 | largest deflection that the filter estimates in the decision over its limit, less 1, where positive |
-    | in_band | 10 | share of the decision's samples with a wheel's speed in the band that operators avoid |
+    | in_band | 10 | share of the decision's samples at which a tachometer reads a speed in the band to avoid |
     | effort | 0 | mean square of the torque over its limit, 0 to 1 |
 
     `reward={"criterion": "trace" or "maxeig"}` uses A- or E-optimality, `{"net": True}` makes the gain the change over

@@ -45,8 +45,8 @@ class RewardSettings(Config):
         saturation_weight: penalty for the share of the wheels that were at their speed limit in the decision.
         deflection_weight: penalty for a unit of the largest deflection that the filter estimates in the decision, over
             its limit, less 1, where positive.
-        avoided_band_weight: penalty for the share of the decision's samples with a wheel's speed in the band that
-            operators avoid, as the wheels' drives report it.
+        avoided_band_weight: penalty for the share of the decision's samples at which a tachometer reads a speed in the
+            band that operators avoid.
         effort_weight: penalty for the mean square of the torque over its limit.
 
     Raises:

@@ -82,10 +82,10 @@ def test_what_is_no_pyramid_is_refused():
 
 
 def test_the_reward_has_the_share_of_time_in_the_band():
-    """By the speeds themselves at the samples; the penalty is the difference that its weight makes."""
-    found = []
+    """That its tachometers read, which without noise are true; the penalty is the difference that its weight makes."""
+    found, exact = [], WHEELS4.replace(tachometer_noise_std=0.0)
     for weight in (0.0, 10.0):
-        env = SatInertiaIDEnv("microsat", "static", "wheels4", control="rate", reward={"avoided_band_weight": weight})
+        env = SatInertiaIDEnv("microsat", "static", exact, control="rate", reward={"avoided_band_weight": weight})
         env.reset(seed=3)
         steps = [env.step(np.float32([0.9, side * 0.9, 0.9])) for side in (1, 1, 1, 1, -1, -1, -1, -1)]
         found.append(([reward for _, reward, *_ in steps], [info["costs"]["avoided_band"] for *_, info in steps]))
@@ -93,6 +93,26 @@ def test_the_reward_has_the_share_of_time_in_the_band():
     assert share == again
     assert max(share) > 0.0
     np.testing.assert_allclose(np.subtract(free, punished), 10.0 * np.array(share), atol=1e-5)
+
+
+def test_the_reward_knows_no_speed_but_what_is_read():
+    """All speeds are in a band that is wide, and tachometers that are off by many times its width seldom say so."""
+    rewards, shares = [], []
+    for weight in (0.0, 10.0):
+        env = SatInertiaIDVectorEnv(
+            4, "microsat", "static", "wheels4", control="torque", reward={"avoided_band_weight": weight}
+        )
+        env.reset(seed=8)
+        plants = env.fleet.rows.plants
+        plants["avoided_speed"], plants["tachometer_noise_std"] = (0.0, 160.0), 3000.0
+        _, reward, *_, info = env.step(np.zeros((4, 4), np.float32))
+        rewards.append(reward)
+        shares.append(info["costs"]["avoided_band"])
+        env.close()
+    assert (shares[0] == 1.0).all()
+    penalty = rewards[0] - rewards[1]
+    assert (penalty >= -1e-5).all()
+    assert penalty.mean() < 7.0
 
 
 def test_single_and_vector_environment_fly_the_same():

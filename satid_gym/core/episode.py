@@ -43,7 +43,7 @@ def command(plant, task, work, report, action):
         report.saturated[k] = 0
         report.spin_start[k] = spin_momentum(plant, k)
     report.outside = report.in_avoided_band = report.tracking = report.bent = report.peak_bend = 0.0
-    report.window_missed = report.in_keep_out = 0.0
+    report.window_missed = report.in_keep_out = report.read_in_band = 0.0
     for f in range(report.faults.shape[0]):
         report.faults[f] = 0
     for i in range(3):

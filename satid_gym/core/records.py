@@ -136,6 +136,7 @@ def report_dtype(n: int, oscillators: int = 0) -> np.dtype:
             ("deflection", FLOAT, oscillators),  # largest in the decision
             # tallies of the decision under way
             ("bent", FLOAT),  # samples with an oscillator beyond its limit
+            ("read_in_band", FLOAT),  # samples at which a tachometer reads a speed in the band to avoid
             ("window_missed", FLOAT),  # samples of an open window in which the payload is off its target, or not steady
             ("in_keep_out", FLOAT),  # samples in which it looks too near the Sun
             ("peak_rate", FLOAT, 3),  # largest |rate| that the filter uses

@@ -87,6 +87,6 @@ def reward(task, report):
         - task.envelope_weight * envelope_excess(task, report)
         - task.saturation_weight * saturated_share(report)
         - task.deflection_weight * max(0.0, report.peak_bend - 1.0)
-        - task.avoided_band_weight * report.in_avoided_band
+        - task.avoided_band_weight * report.read_in_band / task.samples
         - task.effort_weight * report.effort
     )

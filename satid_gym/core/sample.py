@@ -43,6 +43,8 @@ def measure(plant, task, report):
         report.outside += 1.0
     if is_in_band(plant.wheel_speed, plant.avoided_speed):
         report.in_avoided_band += 1.0
+    if is_in_band(plant.tachometer, plant.avoided_speed):
+        report.read_in_band += 1.0
     report.tracking += plant.tracker.tracks
     for k in range(plant.locked.shape[0]):
         report.saturated[k] = max(report.saturated[k], plant.locked[k])

@@ -6,8 +6,8 @@ the filter expects, mean over the horizon: a short loss of certainty costs more 
 logarithm (log det), so the axes of a plan reverse together. The plan of the previous decision, shifted by one decision,
 is improved by local search; its first decision is flown.
 
-Where operators avoid a band of wheel speed, a step with a wheel in it counts 30 times its error, and rates of a plan
-may be smaller than the limit.
+Where operators avoid a band of wheel speed, the error of a step with a wheel in it counts many times, and rates of a
+plan may be smaller than the limit.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from satid_gym.core.reward import dispersion, nats
 from satid_gym.core.wheels import is_in_band
 
 _LOGDET = int(Criterion.LOGDET)
-_SHUNNED = 30.0  # times as much the error of a step counts in which a wheel is in the band
+_BAND_PENALTY = 30.0  # factor on the error of a step in which a wheel is in the band
 
 
 class World(NamedTuple):
@@ -173,18 +173,18 @@ def fly_plan(trail, scratch, limits, plan, first, world, counting, error_max):
         for s in range(steps):
             now = axpy((s + 1.0) / steps, change, omega)
             _turn(belief, work, world.allocation, inertia, now, world.step, scratch.wheel, scratch.rate)
-            shunned = False
+            in_band = False
             if world.avoided[1] > world.avoided[0]:
                 for k in range(null_speed.shape[0]):
                     scratch.wheel[k] += null_speed[k]
-                shunned = is_in_band(scratch.wheel, world.avoided)
+                in_band = is_in_band(scratch.wheel, world.avoided)
             before = dispersion(belief, work, _LOGDET) if counting else 1.0
             momentum_filter.condition(belief, work, scratch.rate)
             if counting:
                 nats_here = nats(belief, before / dispersion(belief, work, _LOGDET), _LOGDET)
-                gained += 0.0 if shunned else nats_here
+                gained += 0.0 if in_band else nats_here
             size, error = _frobenius(belief)
-            total += (_SHUNNED if shunned else 1.0) * (error / size)
+            total += (_BAND_PENALTY if in_band else 1.0) * (error / size)
         store(trail.rates[d + 1], end)
         trail.errors[d + 1] = total
         if total > error_max:
