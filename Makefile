@@ -12,6 +12,9 @@ REACH := .venv-reach/bin/python -m pytest --timeout 300 --numprocesses auto --di
 WITH_RAY := $(addprefix tests/test_reach_,examples.py ray.py rllib.py)
 STAMP := $(VENV)/.installed
 
+# as many processes as cores: threads of BLAS and torch besides, which wait by spinning, take four times as long
+test test-slow test-basilisk test-reach test-lowest coverage mutation: export OMP_NUM_THREADS := 1
+
 .PHONY: setup environments compare compare-all test test-slow test-basilisk test-reach test-lowest coverage mutation lint format train benchmark docs dist clean
 
 setup: $(STAMP)
