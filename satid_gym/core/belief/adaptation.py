@@ -17,7 +17,7 @@ out.) With q_min the least variance that matters
 so that q may also be 0; so that the estimate's noise is not taken for process noise, the filter uses 1 + e less -e
 times _DOUBT_SIGMAS standard deviations of e. e is a random walk itself: its variance falls with the information and
 grows with time. Where no reading tells of theta its variance grows faster than q says (`coherence`). An innovation
-that no q explains is a step of the inertia: theta's covariance is raised before the update.
+that no q explains is a step of the inertia (`inertia_step`).
 Source: Mehra, Approaches to adaptive filtering (1972); Ljung and Soderstrom, Theory and practice of recursive
 identification (1983), ch. 3: the recursive prediction error method, here for a parameter of the noise.
 """
@@ -28,9 +28,8 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import dot, factor, invert, load
+from satid_gym.core.algebra import factor, invert
 from satid_gym.core.belief import coherence
-from satid_gym.core.belief.gating import STEP, distance
 from satid_gym.core.belief.kalman import multiply_rows
 from satid_gym.core.jit import inline, outline, outline_disjoint
 from satid_gym.core.records import FLOAT, INT
@@ -40,8 +39,6 @@ _LOG_Q_NOISE = 0.002  # variance that e gains a second where theta does not vary
 _LOG_Q_CHANGE_MAX = 2.0  # change of e by one reading
 _DOUBT_SIGMAS = 2.0
 _OWN_SHARE = 0.1  # of the walk of six parameters, that each has of its own; the rest is that of a common factor
-_STEP_HOLDOFF = 30.0  # s between two steps: where readings go on to be implausible, the inertia is not the cause
-_STEP_DISTANCE = 40.0  # normalised innovation squared, of 3 degrees of freedom, that no q explains: one in 1e8
 
 
 @functools.cache
@@ -60,8 +57,10 @@ def adaptation_dtype(p: int) -> np.dtype:
             ("theta_slope", FLOAT, p),  # t
             ("covariance_slope", FLOAT, (p, p)),  # D
             ("walk", FLOAT),  # sqrt(q) of the last prediction
-            ("steps", INT),  # of the inertia that were found
+            ("steps", INT),  # of the inertia that were found, see `inertia_step`
             ("since_step", FLOAT),  # s
+            ("settled_rate", FLOAT, 3),  # running mean of the rate, rad/s
+            ("mean_innovation", FLOAT, 3),  # running mean of the gyro's whitened innovations
             ("age", FLOAT),  # s, T and T_u of `coherence`
             ("usual_age", FLOAT),
         ],
@@ -95,8 +94,6 @@ def start(belief):
     state.log_q_max = _log_q(state.inertia_walk_max, state.inertia_walk_min)
     state.log_q_variance = _LOG_Q_VARIANCE
     state.walk = state.inertia_walk
-    state.steps = 0
-    state.since_step = _STEP_HOLDOFF
     coherence.start(state)
     forget(state)
 
@@ -143,25 +140,6 @@ def predict(belief, dt):
             P[3 + k, 3 + j] = P[3 + j, 3 + k] = P[3 + k, 3 + j] + variance * common
     grown = state.log_q_variance + (share * state.log_q_drift + _LOG_Q_NOISE) * dt
     state.log_q_variance = min(grown, _LOG_Q_VARIANCE)
-    state.since_step += dt
-
-
-@inline
-def has_stepped(belief, work):
-    """Whether the whitened reading in work says that the inertia has stepped."""
-    innovation = load(work.innovation)
-    if belief.adaptation.since_step < _STEP_HOLDOFF or dot(innovation, innovation) <= _STEP_DISTANCE:
-        return False  # dot(innovation, innovation) is never less than the distance
-    return distance(belief, work) > _STEP_DISTANCE
-
-
-@inline
-def step(belief):
-    """Raise theta's covariance for a step of the inertia, and count it."""
-    count_step(belief.adaptation)
-    belief.stepped = 1
-    for k in range(belief.theta_scale.shape[0]):
-        belief.covariance[3 + k, 3 + k] += (STEP * belief.theta_scale[k]) ** 2
 
 
 @inline

@@ -3,9 +3,7 @@
 Who commands it knows when, and how long it takes, but not what it does to the tensor. A share c of the change, that of
 the time that passed, adds the covariance S = c s^2 diag(scale)^2 to theta, s the relative size it may have. A
 deployment keeps M; what is released takes its angular momentum along, so that the rate stays and M changes by
-L(omega) dtheta:
-
-    P_tt += S,   and of a release   P_Mt += L S,   P_MM += L S L^T
+L(omega) dtheta (`inertia_change`).
 
 Source: this project's design.
 """
@@ -14,9 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import multiply, store_symmetric
-from satid_gym.core.belief import momentum_model
-from satid_gym.core.belief.kalman import write_times_regressor
+from satid_gym.core.algebra import multiply
+from satid_gym.core.belief import inertia_change, momentum_model
 from satid_gym.core.jit import inline, outline
 
 _SIZE = 0.2  # s: std of all of a change, relative to the scale of theta
@@ -38,18 +35,8 @@ def size(belief):
 @outline
 def raise_covariance(belief, work):
     """Add what has been announced to the covariance of momentum and theta."""
-    covariance, regressor, identity = belief.covariance, work.regressor, work.jacobian[0]
     omega = multiply(momentum_model.inverse_inertia(belief), momentum_model.body_momentum(belief))
-    store_symmetric(identity, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
-    write_times_regressor(identity, omega, regressor)
-    for k in range(belief.theta_scale.shape[0]):
-        variance = (size(belief) * belief.theta_scale[k]) ** 2
-        covariance[3 + k, 3 + k] += variance
-        for i in range(3 if belief.leaves != 0 else 0):
-            moved = regressor[i, k] * variance
-            covariance[i, 3 + k] += moved
-            covariance[3 + k, i] += moved
-            for j in range(3):
-                covariance[i, j] += moved * regressor[j, k]
+    inertia_change.write_regressor(work, omega)
+    inertia_change.add(belief, work, size(belief), 1.0 if belief.leaves != 0 else 0.0)
     if belief.leaves == 0:
         belief.stepped = 1

@@ -148,8 +148,8 @@ def distance(belief, work):
 def validate(belief, work):
     """Normalised innovation squared of a reading that is rejected; else ACCEPTED, REINITIALISE or STEPPED.
 
-    A run of rejections inflates the covariance, for the inertia may have stepped (STEPPED: accept the reading), or
-    shows that the one reading that M was started with was an outlier (REINITIALISE).
+    After a run of rejections the inertia may have stepped (STEPPED: inflate the covariance and accept the reading), or
+    the one reading that M was started with was an outlier (REINITIALISE).
     """
     innovation = load(work.innovation)
     nis = 0.0
@@ -168,7 +168,6 @@ def validate(belief, work):
         if tachometers.doubt_repeats(belief):
             belief.rejected += 1
             return nis
-        _inflate(belief, work, belief.theta_scale.shape[0])
         return STEPPED
     belief.rejected += 1
     return nis
@@ -204,13 +203,13 @@ def validate_attitude(belief, work):
     return nis
 
 
-@inline
-def _inflate(belief, work, p):
+@outline
+def inflate(belief, work):
     """Add to the covariance a change of theta that came with the first rejection and has moved M since."""
     belief.stepped = 1
     substeps = belief.substeps if belief.modes.coupling.shape[0] == 0 else 1  # work.transition: of one, or of them all
     covariance, steps = belief.covariance, belief.gate.since_rejection * substeps
-    for k in range(p):
+    for k in range(belief.theta_scale.shape[0]):
         variance = (STEP * belief.theta_scale[k]) ** 2
         covariance[3 + k, 3 + k] += variance
         for i in range(3):

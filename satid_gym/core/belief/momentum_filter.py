@@ -29,6 +29,7 @@ from satid_gym.core.belief import (
     attitude,
     calibration,
     gating,
+    inertia_step,
     mode_prediction,
     modes,
     momentum_model,
@@ -61,6 +62,7 @@ def predict(belief, work, tachometer, dt):
     after = calibration.wheel_input(belief, belief.speed)
     if belief.adaptation.on != 0:
         adaptation.predict(belief, dt)
+        inertia_step.follow(belief.adaptation, multiply(J_inv, momentum_model.body_momentum(belief)), dt)
     before = load(belief.wheel_input)
     store(belief.alignment.input_change, subtract(after, before))
     per_step = 1.0 / belief.substeps
@@ -158,7 +160,9 @@ def condition(belief, work, gyro):
             belief.coasting = belief.gate.confirmed = belief.gate.rejections = 0
             return 0.0
         if decision == gating.STEPPED and belief.adaptation.on != 0:
-            adaptation.count_step(belief.adaptation)
+            inertia_step.take(belief, work, True)
+        elif decision == gating.STEPPED:
+            gating.inflate(belief, work)
     belief.coasting, belief.gate.confirmed = 0, 1
     before = momentum(belief)
     nis = momentum_update.update_gyro(belief, work, gyro)

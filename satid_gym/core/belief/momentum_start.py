@@ -11,7 +11,17 @@ from satid_gym.core.algebra import (
     store,
     store_symmetric,
 )
-from satid_gym.core.belief import adaptation, alignment, attitude, calibration, gating, modes, retraction, whiteness
+from satid_gym.core.belief import (
+    adaptation,
+    alignment,
+    attitude,
+    calibration,
+    gating,
+    inertia_step,
+    modes,
+    retraction,
+    whiteness,
+)
 from satid_gym.core.belief.kalman import estimated_inertia, is_known_to, start_theta, write_times_regressor
 from satid_gym.core.jit import inline, outline
 
@@ -32,6 +42,7 @@ def start(belief, work, gyro, tachometer):
     store(belief.wheel_input, calibration.wheel_input(belief, tachometer))
     if belief.adaptation.on != 0:
         adaptation.start(belief)
+        inertia_step.start(belief.adaptation)
     for i in range(3):
         belief.covariance[3 + p + i, 3 + p + i] = belief.prior_torque_std**2
     if belief.modes.coupling.shape[0] > 0:

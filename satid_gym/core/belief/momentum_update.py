@@ -9,6 +9,7 @@ from satid_gym.core.belief import (
     attitude,
     calibration,
     gating,
+    inertia_step,
     modes,
     momentum_model,
     retraction,
@@ -28,11 +29,13 @@ _STEP_OVER = 0.01  # relative std of the moments at which a step of the inertia 
 @outline
 def update_gyro(belief, work, gyro):
     """Update by the reading, which is linearised about the mean in work."""
-    if belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
-        adaptation.step(belief)
-        attitude.doubt(belief, work, STEP)
-        if alignment.leave_out_mixed(belief):
-            return 0.0
+    if belief.adaptation.on != 0 and not is_coarse(belief):
+        if inertia_step.is_shown(belief, work):
+            inertia_step.take(belief, work, False)
+            attitude.doubt(belief, work, STEP)
+            if alignment.leave_out_mixed(belief):
+                return 0.0
+        inertia_step.note(belief.adaptation, work)
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
     coarse = is_coarse(belief)
@@ -155,8 +158,8 @@ def update_attitude(belief, work, reading):
         if decision == gating.REINITIALISE:
             star_reading.begin(belief, work, reading)
             return 0.0
-    elif belief.adaptation.on != 0 and not is_coarse(belief) and adaptation.has_stepped(belief, work):
-        adaptation.step(belief)
+    elif belief.adaptation.on != 0 and not is_coarse(belief) and inertia_step.is_shown(belief, work):
+        inertia_step.take(belief, work, False)
         attitude.doubt(belief, work, STEP)
         alignment.leave_out_mixed(belief)
         star_reading.begin(belief, work, reading)

@@ -95,15 +95,18 @@ class Gate:
         if self.rejections < 3:
             self.coasting = True
             return nis
-        p, steps = model.p, self.since_rejection * model.settings.steps(model.prior)
         self.rejections = 0
         if not self.confirmed:
             return None
-        way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
-        change = (0.1 * model.prior.theta_scale(model.parameters)) ** 2
-        kf.P[: 3 + p, : 3 + p] += way * change @ way.T
         self.stepped, model.reference_state = True, reference
         return 0.0
+
+    def take_step(self, kf: Any) -> None:
+        """Raise the covariance for a step of theta that came with the first rejection."""
+        p, steps = self.model.p, self.since_rejection * self.model.settings.steps(self.model.prior)
+        way = np.vstack([steps * kf.F[:3, 3 : 3 + p], np.eye(p)])
+        change = (0.1 * self.model.prior.theta_scale(self.model.parameters)) ** 2
+        kf.P[: 3 + p, : 3 + p] += way * change @ way.T
 
     def attribute(self, change: np.ndarray) -> np.ndarray:
         """Take the part of an update of M (3,) along the axes of wheels without tachometer as theirs; its opposite."""

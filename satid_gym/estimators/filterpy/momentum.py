@@ -166,7 +166,7 @@ class FilterpyMomentumEKF(Reference):
         gate.confirmed = True
         if gate.stepped:
             self._stepped = True
-            self._count_step()
+            self._take_step(gate, gyro)
         before = kf.x[:3].copy()
         nis = self._condition(gyro)
         shift = gate.attribute(kf.x[:3] - before)
@@ -174,8 +174,9 @@ class FilterpyMomentumEKF(Reference):
         self._a = self._a + shift
         return nis
 
-    def _count_step(self) -> None:
-        """Note a step of the inertia: nothing to do without adaptation."""
+    def _take_step(self, gate: Gate, gyro: np.ndarray) -> None:
+        """Raise the covariance for a step of the inertia that a run of rejections, the last one `gyro`, shows."""
+        gate.take_step(self.filter)
 
     def _condition(self, gyro: np.ndarray) -> float:
         kf, model, a = self.filter, self.model, self._a
