@@ -12,8 +12,9 @@ theta, and believes it. Whether the step came before the reading that shows it, 
   _UNSEEN_DISTANCE. While the body turns evenly G is 0.
 
 Then M is as likely to be known as omega was, and both are in the covariance (`inertia_change`), with tau's prior
-variance added to tau's: later turns decide. Not where the inertia varies so fast that readings which no q explains are
-no steps, at the start or with a large q: M is what such an inertia is estimated from.
+variance added to tau's: later turns decide. Not where a step at omega would have been seen at once. Nor where the
+inertia may vary so fast that readings which no q explains are no steps, at the start or with a large q: M is what such
+an inertia is estimated from.
 Source: this project's design. Estimating when a jump came, by a filter for each instant, is due to Willsky and Jones, A
 generalized likelihood ratio approach to the detection and estimation of jumps in linear systems (1976); here two
 instants stand for all.
@@ -21,7 +22,7 @@ instants stand for all.
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import axpy, axpy_symmetric, dot, inverse, load, multiply, store, subtract
+from satid_gym.core.algebra import add, axpy, axpy_symmetric, dot, inverse, load, multiply, store, subtract
 from satid_gym.core.belief import adaptation, gating, inertia_change
 from satid_gym.core.belief.gating import STEP, distance, innovation_covariance
 from satid_gym.core.jit import inline, outline
@@ -32,6 +33,7 @@ _SETTLING = 1.0  # s, of the running mean of the rate
 _MEAN_SHARE = 0.1  # of a reading in the running mean of innovations
 _MEAN_SIGMAS = 5.0
 _UNSEEN_WALK_MAX = 0.01  # sqrt(q) up to which the inertia is all but constant
+_VISIBLE_MAX = 160.0  # normalised square of the jump of the rate at a step of std STEP: a larger one is seen at once
 _UNSEEN_DISTANCE = 9.0  # of 3 degrees of freedom: one in 30
 _UNSEEN = 0.5  # probability that omega was known, not M
 
@@ -85,17 +87,19 @@ def _was_unseen(belief, work):
     if begins or state.walk > _UNSEEN_WALK_MAX:
         return False
     inertia_change.write_regressor(work, load(state.settled_rate))
-    mean = load(state.mean_innovation)
-    if dot(mean, mean) > _MEAN_SIGMAS**2 * _MEAN_SHARE / (2.0 - _MEAN_SHARE):
-        return True
-    S = innovation_covariance(belief, work)
+    S, visible = innovation_covariance(belief, work), 0.0
     for k in range(belief.theta_scale.shape[0]):
-        column = rows[0, 3 + k], rows[1, 3 + k], rows[2, 3 + k]
+        kept = 0.0, 0.0, 0.0
         for i in range(3):
-            column = axpy(work.regressor[i, k], (rows[0, i], rows[1, i], rows[2, i]), column)
-        x, y, z = column
-        S = axpy_symmetric((STEP * belief.theta_scale[k]) ** 2, (x * x, y * y, z * z, x * y, x * z, y * z), S)
-    return dot(innovation, multiply(inverse(S), innovation)) < _UNSEEN_DISTANCE
+            kept = axpy(work.regressor[i, k], (rows[0, i], rows[1, i], rows[2, i]), kept)
+        variance = (STEP * belief.theta_scale[k]) ** 2
+        visible += variance * dot(kept, kept)
+        x, y, z = add(kept, (rows[0, 3 + k], rows[1, 3 + k], rows[2, 3 + k]))
+        S = axpy_symmetric(variance, (x * x, y * y, z * z, x * y, x * z, y * z), S)
+    mean = load(state.mean_innovation)
+    grows = dot(mean, mean) > _MEAN_SIGMAS**2 * _MEAN_SHARE / (2.0 - _MEAN_SHARE)
+    plausible = dot(innovation, multiply(inverse(S), innovation)) < _UNSEEN_DISTANCE
+    return (plausible or grows) if visible < _VISIBLE_MAX else (plausible and not grows)
 
 
 @inline

@@ -113,11 +113,12 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         begins = self.steps == 0 and self._since_step < 60.0
         if begins or self._walk > 0.01:
             return False
-        if self._mean_innovation @ self._mean_innovation > 25.0 * 0.1 / 1.9:
-            return True
-        of_step = 0.1 * self._scale * (slope[:, 3 : 3 + self.model.p] + slope[:, :3] @ self._carried)
+        kept = 0.1 * self._scale * (slope[:, :3] @ self._carried)
+        of_step = 0.1 * self._scale * slope[:, 3 : 3 + self.model.p] + kept
         expected = slope @ self.filter.P @ slope.T + np.eye(3) + of_step @ of_step.T
-        return bool(innovation @ np.linalg.solve(expected, innovation) < 9.0)
+        grows = self._mean_innovation @ self._mean_innovation > 25.0 * 0.1 / 1.9
+        plausible = innovation @ np.linalg.solve(expected, innovation) < 9.0
+        return bool(plausible or grows) if np.sum(kept**2) < 160.0 else bool(plausible and not grows)
 
     @property
     def _carried(self) -> np.ndarray:
