@@ -39,7 +39,7 @@ def after_finding(satellite, scenario, amplitude, episodes=64):
 @pytest.mark.compiled
 @pytest.mark.parametrize("scenario", ["default", "faults"])
 def test_weak_excitation_that_shows_a_step_late_is_not_led_astray(scenario):
-    """A filter that takes M as known at the reading that shows the step has a mean NEES of 7 to 22, 21 to 230 gated."""
+    """A filter that takes M as known at the reading that shows the step has a mean NEES of 7 to 22, 21 to 234 gated."""
     for amplitude in (0.14, 0.4):
         for satellite in BENCHMARK_SATELLITES:
             nees = after_finding(satellite, scenario, amplitude)

@@ -11,10 +11,11 @@ theta, and believes it. Whether the step came before the reading that shows it, 
   S = diag(STEP scale)^2 its innovation has the covariance H P H^T + 1 + G S G^T, G = H_t + H_M L(omega), and is within
   _UNSEEN_DISTANCE. While the body turns evenly G is 0.
 
+Where a step at omega would be seen at once, only the second counts, and innovations that stand out before speak against
+it: the inertia has been moving, not stepped.
 Then M is as likely to be known as omega was, and both are in the covariance (`inertia_change`), with tau's prior
-variance added to tau's: later turns decide. Not where a step at omega would have been seen at once. Nor where the
-inertia may vary so fast that readings which no q explains are no steps, at the start or with a large q: M is what such
-an inertia is estimated from.
+variance added to tau's: later turns decide. Not where the inertia may vary so fast that readings which no q explains
+are no steps, at the start or with a large q: M is what such an inertia is estimated from.
 Source: this project's design. Estimating when a jump came, by a filter for each instant, is due to Willsky and Jones, A
 generalized likelihood ratio approach to the detection and estimation of jumps in linear systems (1976); here two
 instants stand for all.
