@@ -113,6 +113,12 @@ class Problem(Config):
                 "attitude: give scenario sensors with a star_tracker, and a filter that takes its readings, such as "
                 '"adaptive" or "momentum"'
             )
+        if self.observation == "body" and len({s.wheels.have_null_motion for s in sheets}) != 1:
+            names = ", ".join(s.name for s in self.satellites if s.wheels.have_null_motion)
+            raise ValueError(
+                f'observation "body" tells what wheels that avoid a speed hold against each other; those of {names} '
+                "avoid one and the others do not: fly them in different environments, or give all the same avoided_speed"
+            )
         for satellite in self.satellites:
             check_sampling(satellite.name, satellite.modes, satellite.inertia, self.scenario.sample_period)
         missed = self._products()
@@ -203,6 +209,7 @@ class Problem(Config):
             self.include_walk,
             self.tells_sky,
             self.scenario.operations is not None,
+            sheet.wheels.have_null_motion,
         )
 
 

@@ -94,6 +94,12 @@ class ReactionWheels(Config):
         return (self.axes * self.inertia) @ self.axes.T
 
     @property
+    def have_null_motion(self) -> bool:
+        """Whether there are more than three, with a band of speed that null motion keeps them out of."""
+        low, high = self.avoided_speed
+        return self.count > 3 and high > low
+
+    @property
     def null_direction(self) -> np.ndarray:
         """Relative momenta (n,) of n > 3 wheels that cancel; the largest is 1, the smallest as large as was found."""
         null = np.eye(self.count) - np.linalg.pinv(self.axes) @ self.axes

@@ -32,13 +32,13 @@ def write_tracking(row: np.void, p: Problem, satellite: Satellite, prior: np.nda
     noise = np.maximum(_acceleration_noise(satellite, p.scenario), _NOISE_MIN)
     row["motors"]["noise"], row["motors"]["expected"] = noise, 1.0
     row["motors"]["prior"] = (noise[:, None] / [_GAIN_STD, _FRICTION_STD]) ** 2
-    _write_null_motion(row["null"], satellite, prior)
+    write_null_motion(row["null"], satellite, prior)
 
 
-def _write_null_motion(row: np.void, satellite: Satellite, prior: np.ndarray) -> None:
+def write_null_motion(row: np.void, satellite: Satellite, prior: np.ndarray) -> None:
+    """Write the settings of a satellite's null motion, a record of `core.control.null_motion.null_dtype`."""
     wheels = satellite.wheels
-    low, high = wheels.avoided_speed
-    row["on"] = wheels.count > 3 and high > low
+    row["on"] = wheels.have_null_motion
     if row["on"]:
         row["direction"] = wheels.null_direction
         row["avoided"] = wheels.inertia[:, None] * wheels.avoided_speed

@@ -116,6 +116,7 @@ class Evolution:
         else:
             tour = find(self.start)
             weights = dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
+        weights = {"band_crossing": -5.0, "band_stay": -2.0} | weights
         return np.array([weights.get(name, 0.0) for name in self.features])
 
     @property

@@ -50,6 +50,7 @@ def layout(
     tells_walk: bool = False,
     tells_sky: tuple[bool, bool] = (False, False),
     tells_window: bool = False,
+    tells_null: bool = False,
 ) -> dict[str, slice]:
     """Names and places of the observation's parts for n wheels and p inertia parameters, in order.
 
@@ -57,7 +58,8 @@ def layout(
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
     numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
     walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are,
-    `tells_window` whether imaging windows and their targets are.
+    `tells_window` whether imaging windows and their targets are, `tells_null` whether the form "body" observes what wheels
+    hold against each other.
     """
     body = form == "body"
     sizes = {
@@ -75,6 +77,8 @@ def layout(
     }
     if body:
         sizes["nis"], sizes["modes"] = 1, mode_count * sum(MODE_PARTS.values())
+    if body and tells_null:
+        sizes["null_momentum"] = 1
     if tells_attitude:
         sizes["attitude_uncertainty"], sizes["attitude_age"] = 3, 1
     for name, tells in zip(("sun", "earth"), tells_sky, strict=True):
@@ -143,6 +147,8 @@ def observe(belief, task, gyro, tachometer, out):
     if task.observation == _BODY:
         i = write(out, i, np.log10(task.nis_sum / task.nis_count) if task.nis_count > 0 else 0.0)
         i = _observe_modes(belief, task, omega, out, i)
+        if task.tracking.null.on != 0:
+            i = write(out, i, _null_momentum(belief, task.tracking.null, tachometer))
     if belief.attitude.boresight.shape[0] > 0:
         i = write(out, i, log_share(attitude_std(belief, 1.0, 0.0, 0.0)))
         i = write(out, i, log_share(attitude_std(belief, 0.0, 1.0, 0.0)))
@@ -185,6 +191,17 @@ def _observe_wheels_on_body(belief, task, omega, tachometer, out, i):
     now, worst = speed_shares(belief, speed, task.wheel_speed_max, estimated_inertia(belief), rates)
     i = write(out, i, now)
     return write(out, i, worst)
+
+
+@inline
+def _null_momentum(belief, null, tachometer):
+    """z by the wheels' speeds, over the most (`core.control.null_motion`)."""
+    along = square = 0.0
+    for k in range(tachometer.shape[0]):
+        momentum = belief.wheel_inertia[k] * filters.wheel_speed_used(belief, tachometer, k)
+        along += null.direction[k] * momentum
+        square += null.direction[k] ** 2
+    return along / (square * null.most)
 
 
 @outline

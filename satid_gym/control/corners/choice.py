@@ -70,6 +70,8 @@ class Choice:
     peak: np.ndarray
     period: float
     decisions: int
+    crossing: np.ndarray
+    stay: np.ndarray
 
     def sum_of(self, each: np.ndarray) -> np.ndarray:
         """(N, 8) sum of a value (N, 3) of each axis over those that a corner reverses."""

@@ -81,11 +81,20 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "stars_early": lambda c: c.star_gain * c.early,
     "stars_uncertainty": lambda c: c.star_gain * c.uncertainty,
     "stars_onward": lambda c: c.onward,
+    "band_crossing": lambda c: 10.0 * c.crossing,  # s in the band
+    "band_crossing_early": lambda c: 10.0 * c.crossing * c.early,
+    "band_crossing_late": lambda c: 10.0 * c.crossing * c.late,
+    "band_crossing_uncertainty": lambda c: 10.0 * c.crossing * c.uncertainty,
+    "band_crossing_walk": lambda c: 10.0 * c.crossing * c.walk,
+    "band_crosses": lambda c: np.minimum(10.0 * c.crossing, 1.0),
+    "band_stay": lambda c: 10.0 * c.stay,
+    "band_size": lambda c: np.abs(c.corners).max(axis=2),
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
 _OF_MODES = ("frequency", "speed", "coupled", "deflection", "peak", "drive", "pull")
 _OF_STARS = ("stars",)
 _OF_WINDOWS = ("closing", "towards")
+_OF_BAND = ("band",)
 
 
 def _without(*parts: str) -> tuple[str, ...]:
@@ -104,6 +113,8 @@ def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:
         absent += _OF_STARS
     if scenario.operations is None:
         absent += _OF_WINDOWS
+    if scenario.wheels is None:
+        absent += _OF_BAND
     return _without(*absent)
 
 
@@ -115,6 +126,11 @@ def takes_stars(names: Sequence[str]) -> bool:
 def takes_windows(names: Sequence[str]) -> bool:
     """Whether one of the features takes imaging windows and their targets."""
     return any(part in name for name in names for part in _OF_WINDOWS)
+
+
+def takes_band(names: Sequence[str]) -> bool:
+    """Whether one of the features takes the band of wheel speed that operators avoid."""
+    return any(part in name for name in names for part in _OF_BAND)
 
 
 def takes_walk(names: Sequence[str]) -> bool:

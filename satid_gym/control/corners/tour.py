@@ -21,10 +21,12 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corners.choice import Choice
-from satid_gym.control.corners.features import FEATURES, takes_stars, takes_walk, takes_windows
+from satid_gym.control.corners.features import FEATURES, takes_band, takes_stars, takes_walk, takes_windows
 from satid_gym.control.corners.star_fixes import StarFixes
 from satid_gym.control.corners.turn_gain import HOLD
+from satid_gym.control.corners.wheel_band import WheelBand
 from satid_gym.control.craft import Craft
+from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.gaps import SETTLE, Gaps
 from satid_gym.control.mode_shaping import bearable, shaped
 from satid_gym.control.observed_modes import Modes, ObservedModes
@@ -72,6 +74,8 @@ class Ways(NamedTuple):
     rates: np.ndarray
     peak: np.ndarray
     most: np.ndarray
+    crossing: np.ndarray = np.zeros((1, 1))
+    stay: np.ndarray = np.zeros((1, 1))
 
 
 class CornerTour:
@@ -112,6 +116,7 @@ class CornerTour:
         self._features = [FEATURES[name] for name in features]
         self._layout, self._world = missions[0].layout, missions[0].scenario
         self._fixes = StarFixes(missions) if takes_stars(features) else None
+        self._band = WheelBand(missions) if takes_band(features) else None
         if takes_windows(features) and self._world.operations is None:
             raise ValueError(
                 f"features of imaging windows are chosen and scenario {self._world.name!r} has none: take "
@@ -133,6 +138,8 @@ class CornerTour:
         self._modes.assign(rows)
         if self._gaps is not None:
             self._gaps.assign(rows)
+        if self._band is not None:
+            self._band.assign(rows)
         self._craft = self._all_crafts.take(rows)
 
     def begin(self, episodes: int) -> None:
@@ -143,6 +150,8 @@ class CornerTour:
             self._fixes.begin(episodes)
         if self._gaps is not None:
             self._gaps.begin(episodes)
+        if self._band is not None:
+            self._band.begin(episodes)
 
     @property
     def memory(self) -> Memory:
@@ -176,8 +185,12 @@ class CornerTour:
         Where there are imaging windows, an episode that `leaves` (N,) begins to slew to the next one now.
         """
         modes = self._modes.read(observation)
-        ways = (self._shaped_ways if self._is_shaped else self._open_ways)(observation, modes)
-        reverses = self.side[:, None] != CORNERS
+        if self._band is not None:
+            ways = self._band_ways(observation)
+        else:
+            ways = (self._shaped_ways if self._is_shaped else self._open_ways)(observation, modes)
+        sides = np.tile(CORNERS, (ways.corners.shape[1] // len(CORNERS), 1))
+        reverses = self.side[:, None] != sides
         scores = self._waits(reverses)
         if self._fixes is not None:
             self._fixes.update(observation)
@@ -197,10 +210,12 @@ class CornerTour:
                 peak=ways.peak,
                 period=self._world.decision_period,
                 decisions=self._world.decisions,
+                crossing=ways.crossing,
+                stay=ways.stay,
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         best = np.argmax(np.where(ways.peak <= 1.0, scores, -CLOSED * ways.peak), axis=1)
-        self._turn(CORNERS[best])
+        self._turn(sides[best])
         action = ways.rates[np.arange(len(best)), best]
         return action if self._gaps is None else self._gaps(observation, action, leaves)
 
@@ -213,6 +228,24 @@ class CornerTour:
         """Ways straight to the corners."""
         corners = self._corners(observation)
         return Ways(corners, corners, self._modes.peaks_of_turns(modes, corners), np.full(corners[:, 0].shape, np.inf))
+
+    def _band_ways(self, observation: np.ndarray) -> Ways:
+        """Ways that keep wheels out of their band."""
+        assert self._band is not None
+        craft = self._craft
+        rate, stored, inertia, authority = (
+            observation[:, self._layout[name]].astype(float)
+            for name in ("rate", "wheel_momentum", "inertia", "control_authority")
+        )
+        limit, tensor = craft.rate_limit[:, None], observed_inertia(inertia, craft.inertia)
+        momentum = times(tensor, rate) * limit + craft.momentum * stored
+        full = np.ascontiguousarray(self._corners(observation)) * limit[:, None]
+        pace = authority * limit / self._world.decision_period
+        null = observation[:, self._layout["null_momentum"]][:, 0].astype(float)
+        found = self._band.ways(momentum, null, tensor, rate * limit, full, pace)
+        corners = found.corners / limit[:, None]
+        none = np.zeros(corners.shape[:2])
+        return Ways(corners, corners, none, np.full(corners[:, 0].shape, np.inf), found.crossing, found.stay)
 
     def _shaped_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
         """Ways to the corners that spare the modes; all are open."""

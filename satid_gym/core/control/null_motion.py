@@ -26,6 +26,7 @@ from satid_gym.core.control.allocation import allocate
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 
+AWAY = 5.0  # s, time constant with which wheels are led to z
 _STEPS = 32  # of the grid, either side of 0
 _STAY = 0.05  # room that a change of z has to bring, over the change
 

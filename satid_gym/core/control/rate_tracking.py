@@ -45,13 +45,12 @@ from satid_gym.core.control import motors
 from satid_gym.core.control.allocation import allocate, fits, storable, within_reach
 from satid_gym.core.control.lost_axis import constrain
 from satid_gym.core.control.motors import LOST, motors_dtype
-from satid_gym.core.control.null_motion import choose, null_dtype
+from satid_gym.core.control.null_motion import AWAY, choose, null_dtype
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT, INT
 from satid_gym.core.wheels import sum_wheels
 
 _EVEN_OUT = 20.0  # T_N, s
-_AWAY = 5.0  # T_N where wheels are kept out of a band, s
 _EDGE = 0.97  # of the rate limit: near enough to be used, far enough for noise
 _HEALTHY = 0.6  # gain of each motor without which torques would not cancel each other
 
@@ -113,7 +112,7 @@ def _even_out(s, axes, momentum, torque):
     total, limit = sum_wheels(axes, s.motors.spin), s.reach
     left, bias, time = 1.0, 0.0, _EVEN_OUT
     if s.null.on != 0:
-        bias, time = choose(s.null, s.allocation, s.spin_max, momentum), _AWAY
+        bias, time = choose(s.null, s.allocation, s.spin_max, momentum), AWAY
     for k in range(torque.shape[0]):
         wanted = allocate(s.allocation, total, k) + bias * s.null.direction[k]
         s.scratch[k] = (wanted - s.motors.spin[k]) / time
