@@ -163,7 +163,7 @@ def ways_many(null, sheets, momentum, held, inertia, rate, corners, pace, scale,
     for n in range(rate.shape[0]):
         allocation, limit, avoided = sheets[0][n], sheets[1][n], sheets[2][n]
         m, start, row = load(momentum[n]), load(rate[n]), null[n]
-        z = held[n] * row.most
+        z = row.held = held[n] * row.most
         goal = choose(row, allocation, limit, m)
         for c in range(8):
             for within in range(2):
