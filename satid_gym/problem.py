@@ -117,7 +117,7 @@ class Problem(Config):
             names = ", ".join(s.name for s in self.satellites if s.wheels.have_null_motion)
             raise ValueError(
                 f'observation "body" tells what wheels that avoid a speed hold against each other; those of {names} '
-                "avoid one and the others do not: fly them in different environments, or give all the same avoided_speed"
+                "avoid one and the others do not: fly them in different environments, or give all an avoided_speed"
             )
         for satellite in self.satellites:
             check_sampling(satellite.name, satellite.modes, satellite.inertia, self.scenario.sample_period)

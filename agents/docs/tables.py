@@ -182,6 +182,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "stars": worlds.pairs("calibration", "stargazer", "prbs rate_square mpc swing_and_stop filter_mpc"),
         "panels": worlds.pairs("flex", "panel_tour", "shaped_square spared_square filter_mpc"),
         "tank": worlds.pairs("slosh", "tank_tour", "spared_square corner_tour filter_mpc"),
+        "band": worlds.pairs("wheels4", "clear_tour", "clear_square mpc"),
         "windows": worlds.pairs("operations", "window_tour", "swing_between mpc filter_mpc"),
     },
     "estimators.md": {"momentum": lambda: settings(MomentumEKFSettings)},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from satid_gym.config import check_integer, check_names, check_number
-from satid_gym.control.corners.features import FEATURES, features_of, takes_stars, takes_walk, takes_windows
+from satid_gym.control.corners.features import FEATURES, features_of, takes_band, takes_stars, takes_walk, takes_windows
 from satid_gym.control.gaps import SETTLE
 from satid_gym.drawn_satellite import draw_satellites
 from satid_gym.evaluation import Split, seeds
@@ -20,6 +20,8 @@ from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 from satid_gym.scenario_catalogue import SCENARIOS
 
+_COSTS = {"band_crossing": -5.0, "band_stay": -2.0}  # first weights of what a tour that knows no band leaves out
+
 
 @dataclass(frozen=True, kw_only=True)
 class Evolution:
@@ -28,7 +30,8 @@ class Evolution:
     name: str = "tank_tour"
     """What tables call the policy."""
     scenarios: tuple[str, ...] = ("slosh",)
-    """Scenarios that are flown, each counting as much; all with a star tracker or none, and so with imaging windows."""
+    """Scenarios that are flown, each counting as much; all with a star tracker or none, and so with imaging
+    windows and a band of wheel speed."""
     horizon: float | None = None
     """s that an episode of training lasts. Default: each scenario's."""
     satellites: tuple[str, ...] = ("cubesat", "microsat", "smallsat")
@@ -87,7 +90,8 @@ class Evolution:
             raise ValueError(f"start must be a policy that scores corners, such as rigid_tour; {self.start} does not")
         if self.shaped and all(SCENARIOS[name].appendages is None for name in self.scenarios):
             raise ValueError(f"no panels or tanks to spare in {', '.join(self.scenarios)}: leave out --shaped")
-        for what, takes in (("a star tracker", takes_stars), ("imaging windows", takes_windows)):
+        kinds = {"a star tracker": takes_stars, "imaging windows": takes_windows, "a band of wheel speed": takes_band}
+        for what, takes in kinds.items():
             lacking = [world.name for world in self.worlds if not takes(features_of(world, self.shaped))]
             if lacking and takes(self.features):
                 raise ValueError(
@@ -116,8 +120,7 @@ class Evolution:
         else:
             tour = find(self.start)
             weights = dict(zip(tour.corner_features, tour.network.weights[0][0].tolist(), strict=True))
-        weights = {"band_crossing": -5.0, "band_stay": -2.0} | weights
-        return np.array([weights.get(name, 0.0) for name in self.features])
+        return np.array([weights.get(name, _COSTS.get(name, 0.0)) for name in self.features])
 
     @property
     def is_drawn(self) -> bool:

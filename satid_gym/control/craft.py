@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from satid_gym.control.decoded_observation import times
 from satid_gym.policy import Mission
 
 
@@ -34,6 +35,16 @@ class Craft(NamedTuple):
             noise = mission.scenario.sample_period * (satellite.gyro_noise_std / satellite.rate_limit) ** 2
             rows.append((mission.prior.inertia, wheels.momentum_reach, satellite.rate_limit, noise))
         return cls(*(np.array(part) for part in zip(*rows, strict=True)))
+
+    def stored(self, tensor: np.ndarray, rate: np.ndarray, wheel_momentum: np.ndarray) -> np.ndarray:
+        """Total momentum (N, 3), body frame, N m s.
+
+        Args:
+            tensor: (N, 3, 3) inertia that is believed, kg m^2.
+            rate: (N, 3) of the body, over its limit.
+            wheel_momentum: (N, 3) over the most that wheels can have.
+        """
+        return times(tensor, rate) * self.rate_limit[:, None] + self.momentum * wheel_momentum
 
     def take(self, rows: np.ndarray) -> Craft:
         """Data sheets of some rows."""

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from satid_gym.control.corners.choice import EARLY, LATE, SLOWEST
+from satid_gym.control.corners.choice import EARLY, LATE
 from satid_gym.control.corners.features import SLEWS, features_of
+from satid_gym.control.corners.nearest_mode import SLOWEST
 from satid_gym.control.corners.tour import CAUTION, CLOSED, CORNERS, SHARE
 from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
@@ -46,7 +47,7 @@ def tour_source(pilot: Pilot, policy: LearnedPolicy | CornerTourPolicy) -> Polic
         said = "; ".join(reason for reason, holds in reasons.items() if holds)
         raise ValueError(
             f"policy {policy.name} has no C: {said}; give a policy of agents.evolution for other scenarios than "
-            "calibration and operations, such as rigid_tour, tank_tour or panel_tour"
+            "calibration, operations and wheels4, such as rigid_tour, tank_tour or panel_tour"
         )
     scored = dict(zip(policy.corner_features, weights[0][0], strict=True))
     return _source(pilot, policy.margin, scored, HOLD, SHARE, CAUTION, is_shaped)

@@ -4,38 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
+from satid_gym.control.corners.nearest_mode import NearestMode
 from satid_gym.control.corners.star_fixes import StarFixes
 from satid_gym.control.corners.turn_gain import HOLD, TurnGain
+from satid_gym.control.corners.wheel_band import BandWays
 from satid_gym.control.craft import Craft
-from satid_gym.control.decoded_observation import observed_inertia, times
+from satid_gym.control.decoded_observation import observed_inertia
 from satid_gym.control.observed_modes import Modes, ObservedModes
 from satid_gym.core.observed_sky import WINDOW_UNIT
 
-SLOWEST = 1e-3  # w T
 EARLY, LATE = 10.0, 30.0  # s
 CLOSING = 10.0  # s, the time constant of `closing`
 SHORT = 3.0  # s at the rate limit, a rotation of which star fixes tell little
-
-
-class NearestMode(NamedTuple):
-    """Mode nearest to its limit, of N episodes; zeros without modes.
-
-    Attributes:
-        number: (N,) which it is.
-        direction: (N, 3) unit vector of d.
-        deflection, speed: (N, 1) eta and deta/dt / w, over the limit.
-        frequency: (N, 1) ln(w T).
-    """
-
-    number: np.ndarray
-    direction: np.ndarray
-    deflection: np.ndarray
-    speed: np.ndarray
-    frequency: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,6 +39,7 @@ class Choice:
         peak: (N, 8) of them after one decision at a corner and then the best.
         period: of decisions, s.
         decisions: of the episode.
+        band: what the ways do to wheels that avoid a band of speed, where a feature needs it.
     """
 
     seen: dict[str, np.ndarray]
@@ -70,8 +54,7 @@ class Choice:
     peak: np.ndarray
     period: float
     decisions: int
-    crossing: np.ndarray
-    stay: np.ndarray
+    band: BandWays | None
 
     def sum_of(self, each: np.ndarray) -> np.ndarray:
         """(N, 8) sum of a value (N, 3) of each axis over those that a corner reverses."""
@@ -162,6 +145,18 @@ class Choice:
         """(N, 8) how far a corner leads towards the target, rad."""
         return (self.corners @ self.seen["target"][:, :, None])[:, :, 0]
 
+    @property
+    def crossing(self) -> np.ndarray:
+        """(N, 16) tenths of a second that a wheel is in the band on the way to a corner."""
+        assert self.band is not None
+        return 10.0 * self.band.crossing
+
+    @property
+    def stay(self) -> np.ndarray:
+        """(N, 16) tenths of the next seconds at a corner that a wheel is in the band, or almost."""
+        assert self.band is not None
+        return 10.0 * self.band.stay
+
     @cached_property
     def turn(self) -> np.ndarray:
         """(N, 8, 3) change of the rate to a corner, over the limit."""
@@ -170,15 +165,7 @@ class Choice:
     @cached_property
     def mode(self) -> NearestMode:
         """The mode that is nearest to its limit."""
-        modes = self.modes
-        if modes.limit.shape[1] == 0:
-            none = np.zeros((len(modes.limit), 1))
-            return NearestMode(np.zeros(len(none), int), np.zeros((len(none), 3)), none, none, none)
-        over = modes.swing / modes.limit[:, :, None]
-        row, nearest = np.arange(len(over)), np.argmax(np.hypot(over[:, :, 0], over[:, :, 1]), axis=1)
-        deflection, speed = over[row, nearest].T[:, :, None]
-        frequency = np.log(np.maximum(modes.turned[row, nearest], SLOWEST))[:, None]
-        return NearestMode(nearest, modes.direction[row, nearest], deflection, speed, frequency)
+        return NearestMode.of(self.modes)
 
     @cached_property
     def pull(self) -> np.ndarray:
@@ -233,9 +220,7 @@ class Choice:
     @cached_property
     def _stored(self) -> np.ndarray:
         """(N, 3) total momentum, body frame, N m s."""
-        craft = self.craft
-        body = times(self._tensor, self.seen["rate"]) * craft.rate_limit[:, None]
-        return body + craft.momentum * self.seen["wheel_momentum"]
+        return self.craft.stored(self._tensor, self.seen["rate"], self.seen["wheel_momentum"])
 
     @cached_property
     def fullness(self) -> np.ndarray:

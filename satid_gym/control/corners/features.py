@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from satid_gym.control.corners.choice import Choice
+from satid_gym.policy import Mission
 from satid_gym.scenario import Scenario
 
 SLEWS = 3.0
@@ -81,13 +82,13 @@ FEATURES: dict[str, Callable[[Choice], np.ndarray]] = {
     "stars_early": lambda c: c.star_gain * c.early,
     "stars_uncertainty": lambda c: c.star_gain * c.uncertainty,
     "stars_onward": lambda c: c.onward,
-    "band_crossing": lambda c: 10.0 * c.crossing,  # s in the band
-    "band_crossing_early": lambda c: 10.0 * c.crossing * c.early,
-    "band_crossing_late": lambda c: 10.0 * c.crossing * c.late,
-    "band_crossing_uncertainty": lambda c: 10.0 * c.crossing * c.uncertainty,
-    "band_crossing_walk": lambda c: 10.0 * c.crossing * c.walk,
-    "band_crosses": lambda c: np.minimum(10.0 * c.crossing, 1.0),
-    "band_stay": lambda c: 10.0 * c.stay,
+    "band_crossing": lambda c: c.crossing,
+    "band_crossing_early": lambda c: c.crossing * c.early,
+    "band_crossing_late": lambda c: c.crossing * c.late,
+    "band_crossing_uncertainty": lambda c: c.crossing * c.uncertainty,
+    "band_crossing_walk": lambda c: c.crossing * c.walk,
+    "band_crosses": lambda c: np.minimum(c.crossing, 1.0),
+    "band_stay": lambda c: c.stay,
     "band_size": lambda c: np.abs(c.corners).max(axis=2),
 }
 """Features (N, 8) of corners by name: products of the properties of a `Choice`."""
@@ -102,7 +103,7 @@ def _without(*parts: str) -> tuple[str, ...]:
 
 
 def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:
-    """Features that a scenario has: those of modes, of stars and of imaging windows where there are any.
+    """Features that a scenario has: of modes, stars, imaging windows and a band of wheel speed where there are any.
 
     A shaped tour forecasts no peaks, so that it has no features of them.
     """
@@ -113,7 +114,7 @@ def features_of(scenario: Scenario, is_shaped: bool = False) -> tuple[str, ...]:
         absent += _OF_STARS
     if scenario.operations is None:
         absent += _OF_WINDOWS
-    if scenario.wheels is None:
+    if scenario.wheels is None or not scenario.wheels.avoided[1] > scenario.wheels.avoided[0]:
         absent += _OF_BAND
     return _without(*absent)
 
@@ -136,6 +137,25 @@ def takes_band(names: Sequence[str]) -> bool:
 def takes_walk(names: Sequence[str]) -> bool:
     """Whether one of the features takes the filter's random walk of the inertia, as observed with `include_walk`."""
     return any("walk" in name for name in names)
+
+
+def check_seen(names: Sequence[str], mission: Mission) -> None:
+    """Check that imaging windows and the inertia's walk are observed where features take them.
+
+    Raises:
+        ValueError: they are not.
+    """
+    world = mission.scenario
+    if takes_windows(names) and world.operations is None:
+        raise ValueError(
+            f'features of imaging windows are chosen and scenario {world.name!r} has none: take "operations", or a '
+            "policy for this scenario"
+        )
+    if takes_walk(names) and "inertia_walk" not in mission.layout:
+        raise ValueError(
+            "features of the inertia's walk are chosen but it is not observed: make the environment, or the policy, "
+            "with include_walk=True"
+        )
 
 
 def check_features(names: Sequence[str]) -> tuple[str, ...]:

@@ -6,6 +6,8 @@ it does not follow a rate which soon turns back. So those corners are open from 
 can be kept for good with every mode inside its limit (`satid_gym.control.observed_modes`): there is then a way to go
 on. Of these the one with the highest score is taken; where none is open, the one that bends the modes least.
 
+Where wheels are to avoid a band of speed, each corner has two sizes (`satid_gym.control.corners.wheel_band`).
+
 Panels ring several times while a corner is approached. A shaped tour therefore goes there only as far in each decision
 as they allow (`satid_gym.control.mode_shaping`); all corners are then open, each made as small as its pull needs. Where
 there are imaging windows, it is flown in the gaps between them (`satid_gym.control.gaps`).
@@ -21,12 +23,11 @@ import numpy as np
 
 from satid_gym.config import check_number
 from satid_gym.control.corners.choice import Choice
-from satid_gym.control.corners.features import FEATURES, takes_band, takes_stars, takes_walk, takes_windows
+from satid_gym.control.corners.features import FEATURES, check_seen, takes_band, takes_stars
 from satid_gym.control.corners.star_fixes import StarFixes
 from satid_gym.control.corners.turn_gain import HOLD
-from satid_gym.control.corners.wheel_band import WheelBand
+from satid_gym.control.corners.wheel_band import BandWays, WheelBand
 from satid_gym.control.craft import Craft
-from satid_gym.control.decoded_observation import observed_inertia, times
 from satid_gym.control.gaps import SETTLE, Gaps
 from satid_gym.control.mode_shaping import bearable, shaped
 from satid_gym.control.observed_modes import Modes, ObservedModes
@@ -61,21 +62,21 @@ class Memory(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Ways to the corners from where N episodes are.
+    """Ways to the corners from where N episodes are; 16, each corner across and within a band of wheel speed, or 8.
 
     Attributes:
-        corners: (N, 8, 3) rates over the limit.
-        rates: (N, 8, 3) of the next decision.
-        peak: (N, 8) of the modes, over their limit; above 1 a way is closed.
+        corners: (N, ways, 3) rates over the limit.
+        rates: (N, ways, 3) of the next decision.
+        peak: (N, ways) of the modes, over their limit; above 1 a way is closed.
         most: (N, 3) change of the rate in a decision that the modes allow, or infinite.
+        band: what they do to wheels that avoid a band of speed, where a feature takes that.
     """
 
     corners: np.ndarray
     rates: np.ndarray
     peak: np.ndarray
     most: np.ndarray
-    crossing: np.ndarray = np.zeros((1, 1))
-    stay: np.ndarray = np.zeros((1, 1))
+    band: BandWays | None = None
 
 
 class CornerTour:
@@ -94,8 +95,8 @@ class CornerTour:
         side: (N, 3) of each axis, -1 or 1.
 
     Raises:
-        ValueError: a number is out of range, the environment takes torques, or modes, or the walk, stars or imaging
-            windows that features take, are not observed.
+        ValueError: a number is out of range, the environment takes torques, or modes, or the walk, stars, imaging
+            windows or band of wheel speed that features take, are not observed.
     """
 
     def __init__(
@@ -117,16 +118,7 @@ class CornerTour:
         self._layout, self._world = missions[0].layout, missions[0].scenario
         self._fixes = StarFixes(missions) if takes_stars(features) else None
         self._band = WheelBand(missions) if takes_band(features) else None
-        if takes_windows(features) and self._world.operations is None:
-            raise ValueError(
-                f"features of imaging windows are chosen and scenario {self._world.name!r} has none: take "
-                '"operations", or a policy for this scenario'
-            )
-        if takes_walk(features) and "inertia_walk" not in self._layout:
-            raise ValueError(
-                "features of the inertia's walk are chosen but it is not observed: make the environment, or the "
-                "policy, with include_walk=True"
-            )
+        check_seen(features, missions[0])
         self._seen = [name for name in (*_SEEN, *_MORE) if name in self._layout]
         self._all_crafts = Craft.of(missions)
         self._craft = self._all_crafts.take(np.zeros(1, int))
@@ -150,8 +142,6 @@ class CornerTour:
             self._fixes.begin(episodes)
         if self._gaps is not None:
             self._gaps.begin(episodes)
-        if self._band is not None:
-            self._band.begin(episodes)
 
     @property
     def memory(self) -> Memory:
@@ -210,8 +200,7 @@ class CornerTour:
                 peak=ways.peak,
                 period=self._world.decision_period,
                 decisions=self._world.decisions,
-                crossing=ways.crossing,
-                stay=ways.stay,
+                band=ways.band,
             )
             scores = score(np.stack([feature(choice) for feature in self._features], axis=2))
         best = np.argmax(np.where(ways.peak <= 1.0, scores, -CLOSED * ways.peak), axis=1)
@@ -230,22 +219,11 @@ class CornerTour:
         return Ways(corners, corners, self._modes.peaks_of_turns(modes, corners), np.full(corners[:, 0].shape, np.inf))
 
     def _band_ways(self, observation: np.ndarray) -> Ways:
-        """Ways that keep wheels out of their band."""
+        """Ways that keep wheels out of their band, and ways across it; all are open."""
         assert self._band is not None
-        craft = self._craft
-        rate, stored, inertia, authority = (
-            observation[:, self._layout[name]].astype(float)
-            for name in ("rate", "wheel_momentum", "inertia", "control_authority")
-        )
-        limit, tensor = craft.rate_limit[:, None], observed_inertia(inertia, craft.inertia)
-        momentum = times(tensor, rate) * limit + craft.momentum * stored
-        full = np.ascontiguousarray(self._corners(observation)) * limit[:, None]
-        pace = authority * limit / self._world.decision_period
-        null = observation[:, self._layout["null_momentum"]][:, 0].astype(float)
-        found = self._band.ways(momentum, null, tensor, rate * limit, full, pace)
-        corners = found.corners / limit[:, None]
-        none = np.zeros(corners.shape[:2])
-        return Ways(corners, corners, none, np.full(corners[:, 0].shape, np.inf), found.crossing, found.stay)
+        found = self._band(observation, self._corners(observation))
+        open_ = np.zeros(found.corners.shape[:2])
+        return Ways(found.corners, found.corners, open_, np.full(found.corners[:, 0].shape, np.inf), found)
 
     def _shaped_ways(self, observation: np.ndarray, modes: Modes) -> Ways:
         """Ways to the corners that spare the modes; all are open."""
