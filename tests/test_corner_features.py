@@ -29,7 +29,7 @@ def choice(rng: np.random.Generator, waited: float) -> Choice:
         "inertia": rng.uniform(-0.1, 0.1, (1, 6)),
         "wheel_momentum": rng.uniform(-0.5, 0.5, (1, 3)),
     }
-    given = dict.fromkeys(("wait_score", "fixes", "modes", "foreseen", "peak"))
+    given = dict.fromkeys(("wait_score", "fixes", "modes", "foreseen", "peak", "band"))
     corners = CORNERS[None, [0, 3, 7]]
     there = {"reverses": corners > 0.0, "waited": np.full((1, 3), waited)}
     return Choice(seen=seen, craft=craft, corners=corners, period=1.0, decisions=300, **there, **given)
