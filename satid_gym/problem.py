@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,14 +70,8 @@ class Problem(Config):
         if len(counts) != 1:
             raise ValueError(f"all satellites of an environment need the same number of wheels, got {sorted(counts)}")
         sheets = [self.scenario.operate(s) for s in self.satellites]
-        kinds = {s.tolerances.kinds for s in sheets}
-        if len(kinds) != 1:
-            names = ", ".join(s.name for s in self.satellites)
-            raise ValueError(
-                "all satellites of an environment need tolerances of the same kinds (gyro bias; gyro scale and "
-                f"alignment; tachometer delay; wheels), because they share a filter: those of {names} differ; give "
-                "scenario tolerances, which replace the satellites'"
-            )
+        own, kinds = self.estimator, "tolerances of the same kinds (gyro bias, scale and alignment; delay; wheels)"
+        self._check_alike([s.tolerances.kinds for s in sheets], kinds, "tolerances")
         if len({oscillator_counts(s.oscillators) for s in self.satellites}) != 1:
             raise ValueError(
                 "all satellites of an environment need as many oscillators, and as many of them mirrored, got "
@@ -86,25 +80,18 @@ class Problem(Config):
                     for s in self.satellites
                 )
             )
-        if len({s.sensors.star_tracker is None for s in sheets}) != 1:
-            names = ", ".join(s.name for s in self.satellites)
-            raise ValueError(
-                "all satellites of an environment need a star tracker or none, because they share a filter: those of "
-                f"{names} differ; give scenario sensors, which replace the satellites'"
-            )
-        if len({self.estimator.tells_sky(s) for s in sheets}) != 1:
-            names = ", ".join(s.name for s in self.satellites)
-            raise ValueError(
-                "star trackers of an environment need to be blinded by the same bodies, Sun or Earth, which are then "
-                f"observed: those of {names} differ; give scenario sensors, which replace the satellites'"
-            )
-        if len({(self.estimator.other_states(s), s.sensors.are_timed) for s in sheets}) != 1:
-            names = ", ".join(s.name for s in self.satellites)
-            raise ValueError(
-                "all satellites of an environment need encoders or none, and readings of an instant or not, for they "
-                f"share a filter: those of {names} differ; give scenario sensors, which replace the satellites'"
-            )
-        for tracker in (s.sensors.star_tracker for s in sheets if s.sensors.star_tracker is not None):
+        self._check_alike([s.sensors.star_tracker is None for s in sheets], "a star tracker or none", "sensors")
+        self._check_alike(
+            [own.tells_sky(s) for s in sheets], "star trackers that the same bodies blind, Sun or Earth", "sensors"
+        )
+        self._check_alike(
+            [(own.other_states(s), s.sensors.are_timed) for s in sheets],
+            "encoders or none, and readings of an instant or not",
+            "sensors",
+        )
+        bands = [self.observation == "body" and s.wheels.have_null_motion for s in sheets]
+        self._check_alike(bands, "wheels that avoid a band of speed or none", "wheels")
+        for tracker in filter(None, (s.sensors.star_tracker for s in sheets)):
             tracker.samples(self.scenario.sample_period)
             tracker.check_sky(self.scenario.orbit_rate)
         if self.scenario.operations is not None and not all(map(self.estimator.tells_attitude, sheets)):
@@ -112,12 +99,6 @@ class Problem(Config):
                 f"scenario {self.scenario.name!r} has imaging windows, and a payload is pointed by the estimated "
                 "attitude: give scenario sensors with a star_tracker, and a filter that takes its readings, such as "
                 '"adaptive" or "momentum"'
-            )
-        if self.observation == "body" and len({s.wheels.have_null_motion for s in sheets}) != 1:
-            names = ", ".join(s.name for s in self.satellites if s.wheels.have_null_motion)
-            raise ValueError(
-                f'observation "body" tells what wheels that avoid a speed hold against each other; those of {names} '
-                "avoid one and the others do not: fly them in different environments, or give all an avoided_speed"
             )
         for satellite in self.satellites:
             check_sampling(satellite.name, satellite.modes, satellite.inertia, self.scenario.sample_period)
@@ -127,6 +108,18 @@ class Problem(Config):
             object.__setattr__(self, "estimator", settled)
         elif missed:
             self.check_parameters(missed)
+
+    def _check_alike(self, values: Sequence[object], what: str, part: str) -> None:
+        """Check that something is the same of all satellites, which `part` of a scenario would make it.
+
+        Raises:
+            ValueError: it is not.
+        """
+        if len(set(values)) != 1:
+            raise ValueError(
+                f"all satellites of an environment need {what}, because they share a filter and an observation: those "
+                f"of {', '.join(s.name for s in self.satellites)} differ; give scenario {part}, which replace theirs"
+            )
 
     def filter_needs(self, sheet: Satellite) -> tuple[object, ...]:
         """What the filter's states follow from: satellites that share a filter agree in it.

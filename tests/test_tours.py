@@ -148,12 +148,15 @@ def test_the_nearer_the_slew_the_more_is_closing_and_a_corner_is_towards_the_tar
 
 
 def test_a_scenario_has_the_features_that_it_has_something_for():
-    slosh, calibration, operations = (features_of(SCENARIOS[n]) for n in ("slosh", "calibration", "operations"))
+    slosh, calibration, operations, wheels4 = (
+        features_of(SCENARIOS[name]) for name in ("slosh", "calibration", "operations", "wheels4")
+    )
     rigid = set(features_of(SCENARIOS["default"]))
     assert {"peak", "drive_speed"} <= set(slosh) - rigid
     assert {"stars", "stars_onward"} <= set(calibration) - rigid - set(slosh)
     assert {"towards", "any_closing", "stars_closing"} <= set(operations) - set(calibration)
-    assert set(slosh) | set(operations) == set(FEATURES)
+    assert {"band_crossing", "band_stay"} <= set(wheels4) - rigid - set(slosh) - set(operations)
+    assert set(slosh) | set(operations) | set(wheels4) == set(FEATURES)
 
 
 # stars
@@ -241,7 +244,7 @@ def test_a_shaped_tour_turns_at_once_about_the_axes_that_bend_nothing():
 def test_what_a_tour_takes_of_panels_is_of_the_mode_nearest_to_its_limit():
     rates = np.array([[[1.0, -1.0, 0.5], [1.0, 1.0, 0.5]]])
     modes = ObservedModes([mission("flex")], 1.0, 0.0).read(bent(0.8))
-    given = dict.fromkeys(("wait_score", "fixes", "foreseen", "peak", "craft", "waited", "reverses"))
+    given = dict.fromkeys(("wait_score", "fixes", "foreseen", "peak", "band", "craft", "waited", "reverses"))
     choice = Choice(seen={}, corners=rates, modes=modes, period=1.0, decisions=300, **given)
     np.testing.assert_allclose(choice.pull, [[-0.8, 0.8]])
 

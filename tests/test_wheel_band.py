@@ -121,7 +121,10 @@ def test_satellites_with_a_band_and_without_are_not_observed_together():
     world = SCENARIOS["wheels4"].wheels
     with_band = world.equip(SATELLITES["microsat"]).replace(name="with")
     without = WheelPyramid(avoided=(0.0, 0.0)).equip(SATELLITES["microsat"]).replace(name="without")
-    with pytest.raises(ValueError, match="those of with avoid one and the others do not"):
+    with pytest.raises(
+        ValueError,
+        match=r"avoid a band of speed or none.*those of with, without differ; give scenario wheels",
+    ):
         problem([with_band, without], "static", **SETTINGS)
     problem([with_band, without], "static", control="rate")
 
@@ -144,5 +147,5 @@ def test_the_learned_tour_keeps_clear_of_the_band_and_learns_more_than_the_law(s
     learned = flown(cell, find("clear_tour"), those)
     law = flown(cell, make_baseline("clear_square", satellite, "wheels4"), those)
     assert learned.inside(0.01)
-    assert learned.expected.mean() < 0.7 * law.expected.mean()
+    assert learned.expected.mean() < 0.8 * law.expected.mean()
     assert 0.3 < learned.nees.mean() < 2.0
