@@ -103,6 +103,20 @@ def test_wheels_that_are_where_they_are_led_come_into_the_band_as_the_momentum_t
     assert {0.0} < told
 
 
+def test_satellites_of_a_batch_have_the_ways_that_each_has_by_itself():
+    batch = missions(problem(["cubesat", "smallsat"], "static", "wheels4", **SETTINGS))
+    rng, flown_by = np.random.default_rng(5), np.array([1, 0, 1])
+    seen = np.concatenate([sight(batch[i], rng)[2] for i in flown_by])
+    corners = np.tile(CORNERS, (3, 1, 1))
+    together = WheelBand(batch)
+    together.assign(flown_by)
+    ways = together(seen, corners)
+    for k, i in enumerate(flown_by):
+        alone = WheelBand([batch[i]])(seen[k : k + 1], corners[:1])
+        for part, own in zip(ways, alone, strict=True):
+            np.testing.assert_array_equal(part[k], own[0])
+
+
 def test_what_wheels_hold_against_each_other_is_observed_in_the_body_frame():
     env = SatInertiaIDEnv("microsat", scenario="wheels4", **SETTINGS)
     other = SatInertiaIDEnv("microsat", scenario="wheels4", control="rate")

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from satid_gym.control.corners.turn_gain import HOLD
 from satid_gym.control.craft import Craft
 from satid_gym.control.decoded_observation import observed_inertia
 from satid_gym.core.algebra import axpy, dot, load, subtract
@@ -29,8 +30,8 @@ from satid_gym.tracking import write_null_motion
 
 _SIZES = 20  # of a corner that are tried, evenly from 1 to almost 0
 _LOOKS = 12  # on the way to a corner
-_AHEAD, _LOOKS_AHEAD = 7.0, 4  # s at a corner that are looked ahead, and how often
-_ROOM = 0.2  # of the band's upper edge, that wheels keep from it at a corner
+_LOOKS_AHEAD = 4  # at a corner, from the start to the end of the hold
+_ROOM = 0.2  # of the band's edges, that wheels keep from it at a corner
 _ZERO = (0.0, 0.0, 0.0)
 
 
@@ -150,7 +151,7 @@ def _stay(allocation, inertia, null, z, m, w):
     """Share of the next seconds at the rate w in which a wheel is in the band; z is now, and where it is led."""
     inside = 0
     for i in range(_LOOKS_AHEAD):
-        time = _AHEAD * i / (_LOOKS_AHEAD - 1)
+        time = HOLD * i / (_LOOKS_AHEAD - 1)
         between = z[1] + (z[0] - z[1]) * math.exp(-time / AWAY)
         left = _left(inertia, to_body(turn(axpy(time, w, _ZERO)), m), w)
         inside += _is_inside(allocation, null, between, _ROOM, left)
