@@ -117,7 +117,7 @@ def test_satellites_of_a_batch_have_the_ways_that_each_has_by_itself():
             np.testing.assert_array_equal(part[k], own[0])
 
 
-def test_what_wheels_hold_against_each_other_is_observed_in_the_body_frame():
+def test_null_momentum_is_observed_in_the_body_frame():
     env = SatInertiaIDEnv("microsat", scenario="wheels4", **SETTINGS)
     other = SatInertiaIDEnv("microsat", scenario="wheels4", control="rate")
     seen, _ = env.reset(seed=3)
@@ -144,7 +144,7 @@ def test_satellites_with_a_band_and_without_are_not_observed_together():
 
 
 def test_a_tour_by_the_band_needs_one():
-    with pytest.raises(ValueError, match=r'no momentum between wheels is observed: take a scenario .* "wheels4"'):
+    with pytest.raises(ValueError, match=r'null momentum is not observed: take a scenario .* "wheels4"'):
         find("clear_tour").reset(missions(problem("microsat", "static", **SETTINGS))[0], [0])
 
 

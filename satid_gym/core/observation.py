@@ -58,8 +58,8 @@ def layout(
     `mode_count` that of the modes it estimates, which the form "body" alone observes; `actions` that of an action's
     numbers, n where None; `tells_attitude` whether the filter estimates the attitude, `tells_walk` whether the random
     walk of the inertia that it uses is observed, `tells_sky` whether it is observed where Sun and Earth are,
-    `tells_window` whether imaging windows and their targets are, `tells_null` whether the form "body" has what wheels
-    hold against each other.
+    `tells_window` whether imaging windows and their targets are, `tells_null` whether the form "body" has the
+    wheels' momentum in the null space of their axes.
     """
     body = form == "body"
     sizes = {

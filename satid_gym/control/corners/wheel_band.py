@@ -56,14 +56,14 @@ class WheelBand:
         missions: of satellites whose wheels avoid a band of speed; all with the same layout and number of wheels.
 
     Raises:
-        ValueError: what wheels hold against each other is not observed, for they avoid no band, or there are modes.
+        ValueError: the wheels' null momentum is not observed, for they avoid no band, or there are modes.
     """
 
     def __init__(self, missions: Sequence[Mission]) -> None:
         self._layout, self._period = missions[0].layout, missions[0].scenario.decision_period
         if "null_momentum" not in self._layout:
             raise ValueError(
-                "features of a band of wheel speed are chosen but no momentum between wheels is observed: take a "
+                "features of a band of wheel speed are chosen but the wheels' null momentum is not observed: take a "
                 'scenario with such a band, such as "wheels4", or more than three wheels with avoided_speed'
             )
         if missions[0].satellite.modes:
@@ -119,7 +119,7 @@ class _Bodies(NamedTuple):
         limit: (N, n) of the wheels' momentum, N m s.
         inertia: (N, 3, 3) kg m^2.
         momentum: (N, 3) total, body frame, N m s.
-        held: (N,) momentum that wheels hold against each other, over the most.
+        held: (N,) the wheels' null momentum, as observed.
     """
 
     null: np.ndarray
@@ -132,7 +132,7 @@ class _Bodies(NamedTuple):
 
 @inline
 def _is_inside(allocation, null, z, room, h):
-    """Whether a wheel is in the band, and some room, where wheels hold h, body frame, N m s, and z between them."""
+    """Whether a wheel is in the band, and some room, where wheels have momentum h, body frame, N m s, and null momentum z."""
     for k in range(allocation.shape[0]):
         size = abs(allocate(allocation, h, k) + z * null.direction[k])
         if size < null.avoided[k, 1] * (1.0 + room) and size >= null.avoided[k, 0] * (1.0 - room):
