@@ -93,8 +93,8 @@ axis, abs(A) u_max; under control="rate" the action |
     | nis | 1 | log10 of the decision's mean normalised innovation squared, per degree of freedom: about 0 when \
 consistent, and 0 without an update |
     | modes | 17 m | for each mode, the numbers of the next table |
-    | null_momentum | 1 | momentum of more than three wheels in the null space of their axes, along the direction of the \
-null motion, by the tachometers / the largest that a wheel can store; only if they avoid a band of speed |
+    | null_momentum | 1 | momentum of more than three wheels in the null space of their axes, along the direction of \
+the null motion, by the tachometers / the largest that a wheel can store; only if they avoid a band of speed |
 
     ## Modes in the observation
     eta is the mode's deflection, d its coupling, w its frequency in rad/s, zeta its damping ratio, as in
