@@ -132,7 +132,7 @@ class _Bodies(NamedTuple):
 
 @inline
 def _is_inside(allocation, null, z, room, h):
-    """Whether a wheel is in the band, widened by some room, where wheels have momentum h, N m s, and null momentum z."""
+    """Whether a wheel is in the band, widened by a room, where wheels have momentum h, N m s, and null momentum z."""
     for k in range(allocation.shape[0]):
         size = abs(allocate(allocation, h, k) + z * null.direction[k])
         if size < null.avoided[k, 1] * (1.0 + room) and size >= null.avoided[k, 0] * (1.0 - room):
