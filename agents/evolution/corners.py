@@ -18,6 +18,7 @@ import csv
 import dataclasses
 import itertools
 import json
+import time
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -46,17 +47,20 @@ _ANOTHER = "give another --output, or remove generations.npz"
 
 @dataclass
 class Generations:
-    """Generations that were flown: weights (population, features) and scores (population,), and by which revision."""
+    """Generations that were flown: weights (population, features) and scores (population,), by which revision, and the
+    seconds that each took, nan where a file of before does not say."""
 
     asked: list[np.ndarray] = field(default_factory=list)
     judged: list[np.ndarray] = field(default_factory=list)
     revisions: list[str] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
 
-    def add(self, points: np.ndarray, scores: np.ndarray, flown_by: str) -> None:
+    def add(self, points: np.ndarray, scores: np.ndarray, flown_by: str, seconds: float) -> None:
         """Note one more."""
         self.asked.append(points)
         self.judged.append(scores)
         self.revisions.append(flown_by)
+        self.seconds.append(seconds)
 
 
 def main(settings: Evolution) -> int:
@@ -76,8 +80,9 @@ def main(settings: Evolution) -> int:
         for generation in tqdm(range(settings.generations), desc=settings.name, unit="generation"):
             points = np.array(search.ask())
             if generation >= len(kept.judged):
+                began = time.perf_counter()
                 scores = judge([*points, search.mean, first], generation)
-                kept.add(points, np.array(scores[:-2]), now)
+                kept.add(points, np.array(scores[:-2]), now, time.perf_counter() - began)
                 score, start = scores[-2:]
                 rows.append({"generation": generation, "mean": score, "start": start, "step": float(search.sigma)})
                 _keep(settings, kept, rows)
@@ -90,6 +95,8 @@ def main(settings: Evolution) -> int:
             means.append(search.mean.copy())
     head = result_head("agents.evolution", {**dataclasses.asdict(settings), "output": folder.name})
     head["revisions"] = list(dict.fromkeys(kept.revisions[: settings.generations]))  # of the generations
+    taken = sum(kept.seconds[: settings.generations])
+    head["seconds"] = round(taken, 1) if np.isfinite(taken) else None
     policy = settings.policy(np.mean(means[-settings.averaged :], axis=0), training=head)
     for path in (folder / "policy", *([RATE_PRETRAINED / settings.name] if settings.ship else [])):
         policy.save(path)
@@ -129,18 +136,19 @@ def _kept(settings: Evolution) -> Generations:
         with np.load(path, allow_pickle=False) as file:
             same, asked, judged = str(file["settings"]), list(file["asked"]), list(file["judged"])
             revisions = file["revisions"].tolist() if "revisions" in file else ["unknown"] * len(asked)  # older files
+            seconds = file["seconds"].tolist() if "seconds" in file else [np.nan] * len(asked)
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise DamagedFileError(f"{path} is damaged ({error}): {_ANOTHER}") from error
     if same != _same(settings):
         raise ValueError(f"{path} is of a run with other settings: {_ANOTHER}")
-    return Generations(asked, judged, revisions)
+    return Generations(asked, judged, revisions, seconds)
 
 
 def _keep(settings: Evolution, kept: Generations, rows: list[dict[str, float]]) -> None:
     """Write the generations that were flown, and the learning curve."""
     with replacing(settings.folder / "generations.npz", ".npz") as path:
-        asked, judged = np.array(kept.asked), np.array(kept.judged)
-        np.savez(path, settings=_same(settings), asked=asked, judged=judged, revisions=np.array(kept.revisions))
+        arrays = {field.name: np.array(getattr(kept, field.name)) for field in dataclasses.fields(kept)}
+        np.savez(path, settings=_same(settings), **arrays)
     lines = ["generation,mean,start,step", *(",".join(f"{value:.6g}" for value in row.values()) for row in rows)]
     write_text(settings.folder / "curve.csv", "\n".join(lines) + "\n")
 

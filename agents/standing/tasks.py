@@ -110,8 +110,8 @@ def tasks_of(cell: Cell, episodes: Episodes, others: Sequence[Policy]) -> list[T
     Raises:
         ValueError: a rival has no tuned settings; the message says how to find them.
     """
-    rows = [_policy(cell, episodes, *trial) for trial in tuned(cell.scenario, cell.satellite).values()]
-    rows += [_policy(cell, episodes, {}, p) for p in others if not misfit(p, cell)]
+    rows = [policy_task(cell, episodes, *trial) for trial in tuned(cell.scenario, cell.satellite).values()]
+    rows += [policy_task(cell, episodes, {}, p) for p in others if not misfit(p, cell)]
     if episodes.oracle and cell.scenario in PLANS:
         chosen = seeds(episodes.split, episodes.oracle)
         searched = {"plan": PLANS[cell.scenario].__name__, "effort": effort(cell.scenario)}
@@ -146,7 +146,8 @@ def _where(cell: Cell) -> dict[str, Any]:
     return {"scenario": world.to_dict(), "satellite": satellite.to_dict(), "inertia": cell.inertia}
 
 
-def _policy(cell: Cell, episodes: Episodes, settings: Values, policy: Policy) -> Task:
+def policy_task(cell: Cell, episodes: Episodes, settings: Values, policy: Policy) -> Task:
+    """Task of a policy, with the settings of a baseline, in a cell."""
     about = {**_where(cell), "policy": policy.name, "settings": dict(settings), "seeds": episodes.seeds}
     decides = policy.policy if isinstance(policy, LookaheadPolicy) else policy
     if isinstance(decides, LearnedPolicy) or policy.name not in rivals(cell.scenario):
