@@ -147,8 +147,8 @@ def _kept(settings: Evolution) -> Generations:
 def _keep(settings: Evolution, kept: Generations, rows: list[dict[str, float]]) -> None:
     """Write the generations that were flown, and the learning curve."""
     with replacing(settings.folder / "generations.npz", ".npz") as path:
-        arrays = {field.name: np.array(getattr(kept, field.name)) for field in dataclasses.fields(kept)}
-        np.savez(path, settings=_same(settings), **arrays)
+        asked, judged, revisions = np.array(kept.asked), np.array(kept.judged), np.array(kept.revisions)
+        np.savez(path, settings=_same(settings), asked=asked, judged=judged, revisions=revisions, seconds=kept.seconds)
     lines = ["generation,mean,start,step", *(",".join(f"{value:.6g}" for value in row.values()) for row in rows)]
     write_text(settings.folder / "curve.csv", "\n".join(lines) + "\n")
 
