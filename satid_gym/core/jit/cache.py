@@ -1,7 +1,8 @@
 """Cache of compiled kernels on disk, safe among processes that compile at once.
 
-Numba's cache looks at the file of the kernel alone, so an edit of a function that the kernel calls would go unseen:
-here the stamp of the source holds a digest of all compiled source (core/ and control/) as well.
+Numba's cache looks at the size and the time of the kernel's file alone, so an edit of a function that the kernel calls
+would go unseen: here the stamp of the source is a digest of that file and of all compiled source (core/ and control/).
+So compiled kernels can be taken along to a new checkout or installation of the same source.
 
 Numba numbers the files of its cache, and two processes that compile at once may give one number to two kernels: here a
 file is named by its content. Numba also numbers the types of records, and names compiled code by these numbers, so
@@ -14,6 +15,7 @@ A cache that is damaged, full or in a folder that cannot be written costs time, 
 from __future__ import annotations
 
 import hashlib
+import inspect
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -70,7 +72,8 @@ class KernelCache(FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._cache_file.__class__ = NamedByContent
-        self._cache_file._source_stamp = (self._cache_file._source_stamp, SOURCE_FINGERPRINT)
+        own = hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
+        self._cache_file._source_stamp = (own, SOURCE_FINGERPRINT)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The kernel from the cache; None where it has to be compiled."""
