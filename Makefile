@@ -37,8 +37,8 @@ compare-all: setup  ## the standing table: every policy in every scenario (an ho
 	$(RUN) -m agents.standing
 
 test: setup  ## the quick lane: physics, filters, environment, statistics, documentation
-	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk and not reach and not interpreted"
-	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto -m interpreted $(INTERPRETED)
+	$(RUN) -m pytest $(PARALLEL) -m "not slow and not basilisk and not reach and (compiled or not interpreted)"
+	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest --numprocesses auto -m "interpreted and not compiled and not slow" $(INTERPRETED)
 
 test-slow: setup  ## the long lane: kills, browser, training, harnesses, long statistics
 	$(RUN) -m pytest $(PARALLEL) -m slow

@@ -119,7 +119,7 @@ def _write_window_limits(row: np.void, operations: Operations) -> None:
 
 def _task(p: Problem, satellite: Satellite, prior: np.ndarray) -> np.ndarray:
     scenario, reward = p.scenario, p.reward
-    rows = np.zeros(1, task_dtype(satellite.wheels.count, p.actions, oscillator_count(satellite.oscillators)))
+    rows = np.zeros(1, task_dtype(satellite.wheels.count, oscillator_count(satellite.oscillators)))
     task = rows[0]
     task["sample_period"], task["samples"] = scenario.sample_period, scenario.samples
     task["decisions"], task["observation"] = scenario.decisions, ObservationForm[p.observation.upper()]

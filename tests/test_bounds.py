@@ -181,6 +181,7 @@ def test_envelope_bound_is_a_scalar_riccati_equation(skewed: Satellite, paramete
             np.testing.assert_allclose(out[i, k], 1.0 / precision, rtol=1e-10)
 
 
+@pytest.mark.interpreted
 def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
     """Without walk and without noise in the momentum, a law that doubles J doubles theta's standard deviations.
 
@@ -205,6 +206,7 @@ def test_a_known_law_scales_what_is_known(skewed: Satellite) -> None:
         posterior_bound(motion, prior, settings, DT, law_known=True)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 def test_the_bound_is_taken_at_the_truth(skewed: Satellite, parameters: str) -> None:
     """What the filter was told of the mean does not matter, only how far it was told to trust it."""

@@ -30,6 +30,8 @@ from satid_gym.tolerances import Tolerances
 from satid_gym.vector import SatInertiaIDVectorEnv
 from tests.tolerances import ALL
 
+pytestmark = pytest.mark.interpreted
+
 SLOW = pytest.mark.slow  # each state size compiles the kernels again
 KINDS = {
     "bias": {"gyro_bias": 1e-4},
@@ -131,10 +133,10 @@ def flown():
     ("kind", "parameters"),
     [
         ("all", "full"),
-        pytest.param("all", "principal", marks=SLOW),
-        pytest.param("bias", "full", marks=SLOW),
-        pytest.param("gain", "principal", marks=SLOW),
-        pytest.param("wheels", "principal", marks=SLOW),
+        ("all", "principal"),
+        ("bias", "full"),
+        ("gain", "principal"),
+        ("wheels", "principal"),
     ],
 )
 def test_compiled_equals_filterpy(flown, kind, parameters):
@@ -339,6 +341,7 @@ def test_the_smoother_refuses_what_it_does_not_smooth(flown):
 # the study
 
 
+@pytest.mark.compiled
 def test_the_study_of_consistency_writes_what_it_flew(tmp_path, capsys):
     study = ConsistencyStudy(
         worlds=("all small errors",),

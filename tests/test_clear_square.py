@@ -23,6 +23,7 @@ def _env(count=8, **settings):
     return SatInertiaIDVectorEnv(count, CELL.satellite, CELL.inertia, CELL.scenario, **{"control": "rate", **settings})
 
 
+@pytest.mark.interpreted
 def test_a_part_is_where_no_wheel_comes_near_the_band():
     """By the truth: wheels at both ends of the part that is flown, whichever way the momentum is shared at first."""
     env, policy = _env(), ClearSquarePolicy(room=5.0)

@@ -173,6 +173,7 @@ def test_settings_out_of_range(settings):
         FilterMPCPolicy(**settings)
 
 
+@pytest.mark.interpreted
 def test_a_trail_has_room_for_the_plan():
     env = SatInertiaIDVectorEnv(1, "microsat", "static", "flex", **SETTINGS)
     env.reset(seed=0)
@@ -185,6 +186,7 @@ def test_a_trail_has_room_for_the_plan():
     assert trail.tasks["decision"].tolist() == list(range(7))
 
 
+@pytest.mark.interpreted
 @cases("policy", [FilterMPCPolicy(horizon=3, edits=2), LookaheadPolicy("rigid_tour", horizon=3)])
 def test_data_sets_have_the_flights_of_policies_that_plan_with_the_filter(policy):
     """They are shown the filter, and not the covariance that is recorded in addition."""

@@ -596,8 +596,8 @@ def test_an_update_never_raises_and_a_prediction_never_lowers_uncertainty(micros
         assert kernels.uncertainty_nats(ekf.records, ekf.work, 0) <= predicted
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("parameters", ["principal", "full"])
-@pytest.mark.compiled
 def test_turning_wheels_about_changes_no_estimate(parameters, microsat):
     """Two wheels swapped, one axis reversed: the same flight, the same belief."""
     readings = fly(microsat, "static", seconds=60)

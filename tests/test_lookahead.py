@@ -90,7 +90,7 @@ def test_windows_that_it_would_miss_are_missed():
     np.testing.assert_allclose(missed, costs, atol=0.1 + 1e-6)
 
 
-@pytest.mark.compiled
+@pytest.mark.interpreted
 def test_a_rollout_is_the_rehearsal_of_its_plan():
     """Decision by decision, and all at once."""
     env, observation = begun("slosh", find("rigid_tour"))

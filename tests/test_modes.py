@@ -12,6 +12,8 @@ from satid_gym.policies.registry import make_baseline
 from satid_gym.scenario import prior_of
 from tests.tolerances import ALL
 
+pytestmark = pytest.mark.interpreted
+
 SLOW = pytest.mark.slow  # each state size compiles the kernels again
 STDS = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}
 PANELS = Panel(
@@ -92,7 +94,7 @@ def flown(body, inertia="drift", **scenario):
     ("oscillators", "tolerances", "parameters"),
     [
         ((PANELS,), {}, "principal"),
-        pytest.param((PANELS, TANK), ALL, "full", marks=SLOW),
+        ((PANELS, TANK), ALL, "full"),
     ],
     ids=["panels", "panels, slosh and all errors"],
 )

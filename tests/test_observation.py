@@ -114,6 +114,7 @@ def test_the_covariance_follows_and_changes_nothing_before(name, parameters, whe
             np.testing.assert_array_equal(value, same_info[key], err_msg=key)
 
 
+@pytest.mark.interpreted
 @cases("new", [MomentumRecorder, RateRecorder])
 @cases(("name", "parameters"), [*((name, "principal") for name in BENCHMARK_SATELLITES), ("pyramid", "full")])
 def test_every_part_by_its_definition(name, parameters, new, pyramid):
@@ -289,6 +290,7 @@ def test_parts_in_the_body_frame_by_their_definitions(name, parameters, new, pyr
         assert not expected
 
 
+@pytest.mark.interpreted
 def test_three_wheels_and_four_are_observed_alike():
     """Four wheels of axes (+-2, 0, 1) and (0, +-2, 1) over root 5, which have together what three along the axes have.
 

@@ -169,6 +169,7 @@ def test_what_is_drawn_has_the_tolerances():
     env.close()
 
 
+@pytest.mark.interpreted
 def test_single_and_vector_environment_agree():
     body = satellite(PANELS.replace(frequency_std=0.2), TANK, sensors=INTEGRATING)
     one, many = SatInertiaIDEnv(body), SatInertiaIDVectorEnv(2, body)

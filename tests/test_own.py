@@ -94,6 +94,7 @@ def save_policy(path, name="mine", seed=0):
 # sources
 
 
+@pytest.mark.interpreted
 def test_the_environment_takes_files_and_modules():
     env = gymnasium.make("SatInertiaID-v0", satellite="scout.toml", inertia="fuel.csv", scenario="brief.json").unwrapped
     posed = env.problem

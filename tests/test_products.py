@@ -149,6 +149,7 @@ def test_a_filter_takes_from_the_briefing_what_the_satellite_needs(kind):
     assert len(estimator.mean) == 9
 
 
+@pytest.mark.interpreted
 @cases("kind", [MomentumEKF, FilterpyMomentumEKF, FilterpyRateEKF])
 def test_a_plugged_in_filter_estimates_what_its_environment_needs(kind):
     estimator = kind()

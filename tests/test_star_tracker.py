@@ -39,6 +39,8 @@ from satid_gym.scenario import prior_of
 from satid_gym.star_tracker import EARTH_GRAVITY, EARTH_RADIUS
 from tests.cases import cases
 
+pytestmark = pytest.mark.interpreted
+
 DEGREE = np.pi / 180.0
 TRACKER = StarTracker(boresight=[0.6, 0.0, 0.8])
 LATE = Sensors(star_tracker=TRACKER, gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9)
@@ -159,14 +161,9 @@ def test_the_sun_is_drawn_only_where_it_blinds():
 # belief
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("satellite", "tolerances"),
-    [
-        (SATELLITES["microsat"], BIAS),
-        pytest.param(with_panels(), BIAS, marks=pytest.mark.slow),
-        pytest.param(SATELLITES["microsat"], SCALES, marks=pytest.mark.slow),
-    ],
+    [(SATELLITES["microsat"], BIAS), (with_panels(), BIAS), (SATELLITES["microsat"], SCALES)],
     ids=["rigid", "panels", "scales"],
 )
 def test_compiled_equals_filterpy(satellite, tolerances):
@@ -505,7 +502,6 @@ def test_single_and_vector_environment_fly_the_same():
     many.close()
 
 
-@pytest.mark.slow
 @cases("scenario", ["as the data sheet says", "a gyro that is silent", "readings that are late"])
 def test_an_estimator_of_the_users_own_flies_the_same(scenario):
     silent = {"gyro_dropout": 1.0, "gyro_dropout_duration": (5.0, 8.0), "time": (0.1, 0.1)}

@@ -31,6 +31,7 @@ def expected_error(planner: Planner) -> np.ndarray:
     return np.sqrt((variance * weight).sum(axis=1) / (theta**2 * weight).sum(axis=1))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("parameters", ["principal", "full"])
 @pytest.mark.parametrize("scenario", [QUIET, QUIET.replace(name="tight", wheel_speed_scale=0.1)])
 def test_forecast_comes_true_where_nothing_disturbs(scenario: Scenario, parameters: str) -> None:

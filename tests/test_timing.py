@@ -20,6 +20,8 @@ from satid_gym.policy import missions
 from satid_gym.problem import problem
 from satid_gym.scenario import prior_of
 
+pytestmark = pytest.mark.interpreted
+
 QUIET = {
     "gyro_noise_std": 0.0,
     "gyro_bias_walk": 0.0,
@@ -327,6 +329,7 @@ def test_filters_refuse_the_timing_that_they_do_not_know():
 # the study
 
 
+@pytest.mark.compiled
 def test_the_study_keeps_the_cells_of_other_worlds(tmp_path, monkeypatch):
     monkeypatch.setattr("baselines.command.provenance.revision", lambda _: "a1")
     settings = {
@@ -347,6 +350,7 @@ def test_the_study_keeps_the_cells_of_other_worlds(tmp_path, monkeypatch):
         consistency_main(ConsistencyStudy(worlds=("as nominal",), merge=True, **{**settings, "episodes": 2}))
 
 
+@pytest.mark.compiled
 def test_a_stopped_study_goes_on_with_the_cells_of_its_revision(tmp_path, monkeypatch):
     """Cells of another revision stay with --merge alone, and are replaced with --again alone."""
 

@@ -240,6 +240,7 @@ def test_a_truth_that_cannot_fly_the_problem_is_refused(settings, message):
         SatInertiaIDEnv(**settings)
 
 
+@pytest.mark.interpreted
 @cases(
     ("settings", "options", "message"),
     [
@@ -283,6 +284,7 @@ def test_the_law_that_a_truth_is_told_is_the_one_that_was_drawn(inertia):
     np.testing.assert_allclose(told, expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.interpreted
 def test_the_satellite_that_a_truth_is_told_has_the_drawn_oscillators_and_wheels():
     tolerances = {"wheel_inertia": 1e-2, "wheel_alignment": 5e-3}
     fleet = drawn("microsat", "static", {"base": "flex", "tolerances": tolerances})

@@ -175,7 +175,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "laws": laws,
         "faults": faults,
     },
-    "standing.md": {"ladders": worlds.ladders},
+    "standing.md": {"ladders": worlds.ladders, "seeds": worlds.seeds},
     "training.md": {
         "unseen": unseen,
         "unseen with panels": unseen_flex,

@@ -11,6 +11,7 @@ import numpy as np
 from agents.docs.readme import REMEDY, RESULTS
 from agents.standing.lookahead_table import lookahead_table
 from agents.standing.paired_table import paired_table
+from agents.standing.seeds import seeds_table
 from agents.standing.summary import RUNGS, is_consistent, ladder
 from baselines.command.markdown import table
 from satid_gym.files import read_json
@@ -61,6 +62,11 @@ def _standing() -> Mapping[str, Any]:
 def ladders() -> str:
     """The best of each kind in every scenario on every satellite, from the committed standing table."""
     return ladders_table(_standing())
+
+
+def seeds() -> str:
+    """Spread over seeds of the trainings that were run with several, from the committed flights."""
+    return seeds_table(read_json(RESULTS / "seeds.json", REMEDY, keys=("trainings",)))
 
 
 def looking_ahead() -> str:

@@ -167,7 +167,7 @@ def observe(belief, task, gyro, tachometer, out):
 def _observe_command(belief, task, out, i):
     """Write the previous action, a torque in the form BODY as that on the body over the most along each axis."""
     if task.observation != _BODY or task.tracking.on != 0:
-        for k in range(task.command.shape[0]):
+        for k in range(3 if task.tracking.on != 0 else task.command.shape[0]):
             i = write(out, i, task.command[k])
         return i
     torque = sum_wheels(belief.axes, task.command * task.torque_max)

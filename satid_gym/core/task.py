@@ -14,8 +14,8 @@ from satid_gym.core.records import FLOAT, INT
 
 
 @functools.cache
-def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
-    """Fields for n wheels, `actions` numbers in an action and `oscillators` oscillators."""
+def task_dtype(n: int, oscillators: int = 0) -> np.dtype:
+    """Fields for n wheels and `oscillators` oscillators."""
     return np.dtype(
         [
             ("template", INT),  # row of the templates the episode was drawn from
@@ -61,7 +61,7 @@ def task_dtype(n: int, actions: int, oscillators: int = 0) -> np.dtype:
             ("steadiness", FLOAT),  # rad/s, largest body rate in a window
             ("nis_sum", FLOAT),  # of the readings of the decision that the filter has compared with what it expected
             ("nis_count", INT),  # of these readings
-            ("command", FLOAT, actions),  # previous action
+            ("command", FLOAT, n),  # previous action, three numbers where the rate loop is on
             ("tracking", tracking_dtype(n)),
             ("over", INT),  # 1 when the episode has ended and has not been reset
         ],

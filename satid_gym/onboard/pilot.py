@@ -265,7 +265,7 @@ class Pilot:
     def _hold(self, fraction: np.ndarray) -> None:
         """Command a fraction of the motors' limits (n,) or of the rate limit (3,) until the next decision."""
         task, rates = self._tasks[0], self.problem.control == "rate"
-        task["command"] = fraction
+        task["command"][: len(fraction)] = fraction
         task["tracking"]["reference"] = fraction * task["rate_limit"] if rates else 0.0
         self._torque = np.zeros_like(self._torque) if rates else fraction * task["torque_max"]
         self._work["torque"][0] = self._torque
