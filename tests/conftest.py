@@ -31,8 +31,8 @@ if config.DISABLE_JIT:
 
 # files that compile the most go first, in an order in which two that need the same kernels are not begun side by side,
 # and then those that take the longest, so that no worker is left alone with one at the end
-_COMPILE = ("modes", "timing", "calibration", "dynamics", "oscillators", "filters")
-_LONG = ("star_tracker", "distribution", "identify", "imitate", "flightcode")
+_COMPILE = ("flightcode", "filter_mpc", "modes", "calibration", "lookahead", "star_tracker", "timing", "pilot")
+_LONG = ("identify", "corners", "imitate", "coherence", "docs")
 FIRST = [f"test_{name}.py" for name in (*_COMPILE, *_LONG)]
 
 

@@ -79,7 +79,7 @@ def rollouts() -> dict[str, np.ndarray]:
         "tight": episode(satellite="smallsat", scenario="tight", inertia="static"),
         **{
             name: episode(decisions=4, inertia="periodic", scenario=name, control="rate")
-            for name in ("flex", "slosh", "calibration", "operations", "wheels4")
+            for name in ("faults", "flex", "slosh", "calibration", "operations", "wheels4")
         },
         "rubbing": episode(
             satellite=microsat.replace(

@@ -78,6 +78,7 @@ def test_other_trainings_stay_in_the_file_and_the_same_is_replaced(runs, tmp_pat
         (("rigid_tour", "panel_tour"), "panel_tour was trained with other .*scenario.* than rigid_tour: name runs"),
         (("clear_tour",), "clear_tour does not fly in tight: .*band"),
         (("none",), "no such file"),
+        (("rigid_tour", "rate/rigid_tour"), "runs must have different names, got rigid_tour for 2 runs"),
         ((), "name at least one run"),
     ],
 )

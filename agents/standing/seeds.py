@@ -82,9 +82,13 @@ class Spread:
         """The runs' policies, each with the name of its run.
 
         Raises:
-            ValueError: one is not there, does not say how it was trained, differs from the first in more than its
-                seed, or cannot fly there.
+            ValueError: two have one name, or one is not there, does not say how it was trained, differs from the first
+                in more than its seed, or cannot fly there.
         """
+        if len(names := {Path(text).name for text in self.runs}) < len(self.runs):
+            raise ValueError(
+                f"runs must have different names, got {', '.join(sorted(names))} for {len(self.runs)} runs"
+            )
         found = [find(text) for text in self.runs]
         first = _settings(found[0])
         for text, policy in zip(self.runs, found, strict=True):
@@ -165,14 +169,14 @@ def seeds_table(results: Mapping[str, Any]) -> str:
     lines, trainings = [], results["trainings"]
     for training in trainings:
         runs = sorted(training["runs"], key=lambda run: int(run["seed"]))
-        errors = np.array([run["expected"] or np.inf for run in runs])
+        errors = np.array([run["expected"] for run in runs if run["expected"] is not None])
         minutes = [run["seconds"] / 60.0 for run in runs if run["seconds"] is not None]
         lines.append(
             [
                 f"`{training['policy']}`",
                 f"`{training['scenario']}`",
                 ", ".join(_error(run) for run in runs),
-                f"{100.0 * errors.std(ddof=1) / errors.mean():.1f}" if len(runs) > 1 else "-",
+                f"{100.0 * errors.std(ddof=1) / errors.mean():.1f}" if len(errors) == len(runs) > 1 else "-",
                 ", ".join(f"{100.0 * run['cost']:.2f}" for run in runs),
                 f"{min(run['nees'][0] for run in runs):.2f} to {max(run['nees'][1] for run in runs):.2f}",
                 f"{np.mean(minutes):.0f}" if minutes else "-",
