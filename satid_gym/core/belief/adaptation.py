@@ -60,6 +60,8 @@ def adaptation_dtype(p: int) -> np.dtype:
             ("steps", INT),  # of the inertia that were found, see `inertia_step`
             ("since_step", FLOAT),  # s
             ("settled_rate", FLOAT, 3),  # running mean of the rate, rad/s
+            ("conceals", FLOAT),  # 1 where no reading would show a step, else 0
+            ("concealed", FLOAT),  # s of the last minute in which that was so
             ("mean_innovation", FLOAT, 3),  # running mean of the gyro's whitened innovations
             ("age", FLOAT),  # s, T and T_u of `coherence`
             ("usual_age", FLOAT),

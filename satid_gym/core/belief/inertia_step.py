@@ -2,17 +2,18 @@
 
 When the inertia steps M stays and the rate jumps: as long as M is known, the next reading tells the new theta. Where
 the body hardly turns no reading shows the step, until a faster turn does. Meanwhile M has been estimated from the rate
-with the old theta: it is off by L(omega) dtheta, omega the rate of late, and where that has been changing tau has taken
-up the growth of this error. A filter that keeps both then finds, when the rate has reversed, theta + dtheta in place of
-theta, and believes it. Whether the step came before the reading that shows it, unseen, two things tell:
+with the old theta: it is off by L(omega) dtheta, omega the rate of late, and where that has been changing tau has
+taken up the growth of this error. A filter that keeps both then finds, when the rate has reversed, theta + dtheta in
+place of theta, and believes it. With rows H_M and H_t of M and theta and S = diag(STEP scale)^2, the step may have come
+unseen, before the reading that shows it, if both of these hold:
 
-- the mean of the whitened innovations before is beyond _MEAN_SIGMAS of its standard deviations, or
-- the reading is plausible if omega was known when the inertia changed: with rows H_M and H_t of M and theta and
-  S = diag(STEP scale)^2 its innovation has the covariance H P H^T + 1 + G S G^T, G = H_t + H_M L(omega), and is within
-  _UNSEEN_DISTANCE. While the body turns evenly G is 0.
+- A step at the rate omega makes the next reading jump by H_M L(omega) dtheta. Where the mean square of that is less
+  than _DISTANCE, the reading does not show it. For _CONCEALED_MIN or more of the last minute that was so: then the step
+  came in that time much sooner than with this reading.
+- The reading is plausible if omega was known when the inertia changed: its innovation has the covariance
+  H P H^T + 1 + G S G^T, G = H_t + H_M L(omega), and is within _UNSEEN_DISTANCE; while the body turns evenly G is 0. Or
+  the mean of the whitened innovations before was already beyond _MEAN_SIGMAS of its standard deviations.
 
-Where a step at omega would be seen at once, only the second counts, and innovations that stand out before speak against
-it: the inertia has been moving, not stepped.
 Then M is as likely to be known as omega was, and both are in the covariance (`inertia_change`), with tau's prior
 variance added to tau's: later turns decide. Not where the inertia may vary so fast that readings which no q explains
 are no steps, at the start or with a large q: M is what such an inertia is estimated from.
@@ -34,7 +35,8 @@ _SETTLING = 1.0  # s, of the running mean of the rate
 _MEAN_SHARE = 0.1  # of a reading in the running mean of innovations
 _MEAN_SIGMAS = 5.0
 _UNSEEN_WALK_MAX = 0.01  # sqrt(q) up to which the inertia is all but constant
-_VISIBLE_MAX = 160.0  # normalised square of the jump of the rate at a step of std STEP: a larger one is seen at once
+_MEMORY = 60.0  # s, over which it counts how long a step would have come unseen
+_CONCEALED_MIN = 2.0  # s of it
 _UNSEEN_DISTANCE = 9.0  # of 3 degrees of freedom: one in 30
 _UNSEEN = 0.5  # probability that omega was known, not M
 
@@ -46,6 +48,7 @@ def start(state):
     state.since_step = _HOLDOFF
     store(state.settled_rate, (0.0, 0.0, 0.0))
     store(state.mean_innovation, (0.0, 0.0, 0.0))
+    state.conceals = state.concealed = 0.0
 
 
 @inline
@@ -54,6 +57,7 @@ def follow(state, rate, dt):
     settled = load(state.settled_rate)
     store(state.settled_rate, axpy(min(1.0, dt / _SETTLING), subtract(rate, settled), settled))
     state.since_step += dt
+    state.concealed += dt * (state.conceals - state.concealed / _MEMORY)
 
 
 @inline
@@ -85,26 +89,37 @@ def _was_unseen(belief, work):
     """Whether the step that a reading in work shows may have come unseen; leaves L(omega) in work.regressor."""
     state, rows, innovation = belief.adaptation, work.rows, load(work.innovation)
     begins = state.steps == 0 and state.since_step < 2.0 * _HOLDOFF
-    if begins or state.walk > _UNSEEN_WALK_MAX:
+    if begins or state.walk > _UNSEEN_WALK_MAX or state.concealed < _CONCEALED_MIN:
         return False
     inertia_change.write_regressor(work, load(state.settled_rate))
-    S, visible = innovation_covariance(belief, work), 0.0
+    S = innovation_covariance(belief, work)
     for k in range(belief.theta_scale.shape[0]):
-        kept = 0.0, 0.0, 0.0
-        for i in range(3):
-            kept = axpy(work.regressor[i, k], (rows[0, i], rows[1, i], rows[2, i]), kept)
-        variance = (STEP * belief.theta_scale[k]) ** 2
-        visible += variance * dot(kept, kept)
-        x, y, z = add(kept, (rows[0, 3 + k], rows[1, 3 + k], rows[2, 3 + k]))
-        S = axpy_symmetric(variance, (x * x, y * y, z * z, x * y, x * z, y * z), S)
+        x, y, z = add(_kept(work, k), (rows[0, 3 + k], rows[1, 3 + k], rows[2, 3 + k]))
+        S = axpy_symmetric((STEP * belief.theta_scale[k]) ** 2, (x * x, y * y, z * z, x * y, x * z, y * z), S)
     mean = load(state.mean_innovation)
     grows = dot(mean, mean) > _MEAN_SIGMAS**2 * _MEAN_SHARE / (2.0 - _MEAN_SHARE)
-    plausible = dot(innovation, multiply(inverse(S), innovation)) < _UNSEEN_DISTANCE
-    return (plausible or grows) if visible < _VISIBLE_MAX else (plausible and not grows)
+    return grows or dot(innovation, multiply(inverse(S), innovation)) < _UNSEEN_DISTANCE
 
 
 @inline
-def note(state, work):
-    """Note the innovation of a whitened gyro reading in work, which shows no step."""
+def _kept(work, k):
+    """Column k of H_M L(omega), with L(omega) in work.regressor."""
+    rows, regressor = work.rows, work.regressor
+    kept = 0.0, 0.0, 0.0
+    for i in range(3):
+        kept = axpy(regressor[i, k], (rows[0, i], rows[1, i], rows[2, i]), kept)
+    return kept
+
+
+@outline
+def note(belief, work):
+    """Note the innovation of a whitened gyro reading in work, and whether a step at the rate of late would show."""
+    state = belief.adaptation
     mean = load(state.mean_innovation)
     store(state.mean_innovation, axpy(_MEAN_SHARE, subtract(load(work.innovation), mean), mean))
+    inertia_change.write_regressor(work, load(state.settled_rate))
+    square = 0.0
+    for k in range(belief.theta_scale.shape[0]):
+        kept = _kept(work, k)
+        square += (STEP * belief.theta_scale[k]) ** 2 * dot(kept, kept)
+    state.conceals = 1.0 if square < _DISTANCE else 0.0

@@ -35,7 +35,7 @@ def update_gyro(belief, work, gyro):
             attitude.doubt(belief, work, STEP)
             if alignment.leave_out_mixed(belief):
                 return 0.0
-        inertia_step.note(belief.adaptation, work)
+        inertia_step.note(belief, work)
     if belief.stepped != 0 and is_known_to(belief, _STEP_OVER):
         belief.stepped = 0
     coarse = is_coarse(belief)

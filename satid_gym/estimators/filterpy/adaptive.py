@@ -29,6 +29,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         self._e, self._variance = self._log_q(self.momentum.inertia_walk), 4.0
         self.steps, self._since_step = 0, 30.0
         self._settled, self._mean_innovation = np.zeros(3), np.zeros(3)
+        self._conceals, self._concealed = 0.0, 0.0
         self._usual_age = 10.0
         self._forget()
 
@@ -59,6 +60,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         drift = self.momentum.log_q_drift * min(1.0, 1.0 + e) ** 2
         self._variance = min(self._variance + (drift + 0.002) * dt, 4.0)
         self._since_step += dt
+        self._concealed += dt * (self._conceals - self._concealed / 60.0)
         rate = self.model.rate(self.filter.x, self._a)
         self._settled = self._settled + min(1.0, dt) * (rate - self._settled)
         super().predict(wheel_speed, dt)
@@ -96,6 +98,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
             coarse = self.model.iterations(mean, covariance) > 1
             nis = super()._condition(gyro)
         self._mean_innovation = self._mean_innovation + 0.1 * (innovation - self._mean_innovation)
+        self._conceals = float(np.sum(self._kept(slope) ** 2) < 40.0)
         if not coarse:
             self._learn(kf.x[theta] - mean[theta], covariance[theta, theta], kf.P[theta, theta])
         return nis
@@ -111,14 +114,17 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
     def _was_unseen(self, slope: np.ndarray, innovation: np.ndarray) -> bool:
         """Whether the step that a reading shows may have come before it, so that M is off by L(rate of late) dtheta."""
         begins = self.steps == 0 and self._since_step < 60.0
-        if begins or self._walk > 0.01:
+        if begins or self._walk > 0.01 or self._concealed < 2.0:
             return False
-        kept = 0.1 * self._scale * (slope[:, :3] @ self._carried)
-        of_step = 0.1 * self._scale * slope[:, 3 : 3 + self.model.p] + kept
+        of_step = 0.1 * self._scale * slope[:, 3 : 3 + self.model.p] + self._kept(slope)
         expected = slope @ self.filter.P @ slope.T + np.eye(3) + of_step @ of_step.T
         grows = self._mean_innovation @ self._mean_innovation > 25.0 * 0.1 / 1.9
         plausible = innovation @ np.linalg.solve(expected, innovation) < 9.0
-        return bool(plausible or grows) if np.sum(kept**2) < 160.0 else bool(plausible and not grows)
+        return bool(plausible or grows)
+
+    def _kept(self, slope: np.ndarray) -> np.ndarray:
+        """(3, p) jump of a reading at steps of theta, where M stays."""
+        return 0.1 * self._scale * (slope[:, :3] @ self._carried)
 
     @property
     def _carried(self) -> np.ndarray:
