@@ -16,7 +16,8 @@ unseen, before the reading that shows it, if both of these hold:
 
 Then M is as likely to be known as omega was, and both are in the covariance (`inertia_change`), with tau's prior
 variance added to tau's: later turns decide. Not where the inertia may vary so fast that readings which no q explains
-are no steps, at the start or with a large q: M is what such an inertia is estimated from.
+are no steps, at the start or with a large q: M is what such an inertia is estimated from. Nor where theta is further
+from the prior than _CHANGE_MAX.
 Source: this project's design. Estimating when a jump came, by a filter for each instant, is due to Willsky and Jones, A
 generalized likelihood ratio approach to the detection and estimation of jumps in linear systems (1976); here two
 instants stand for all.
@@ -38,6 +39,7 @@ _UNSEEN_WALK_MAX = 0.01  # sqrt(q) up to which the inertia is all but constant
 _MEMORY = 60.0  # s, over which it counts how long a step would have come unseen
 _CONCEALED_MIN = 2.0  # s of it
 _UNSEEN_DISTANCE = 9.0  # of 3 degrees of freedom: one in 30
+_CHANGE_MAX = 2.0  # of theta from the prior, over its scale: no body is known as little as that
 _UNSEEN = 0.5  # probability that omega was known, not M
 
 
@@ -94,6 +96,8 @@ def _was_unseen(belief, work):
     inertia_change.write_regressor(work, load(state.settled_rate))
     S = innovation_covariance(belief, work)
     for k in range(belief.theta_scale.shape[0]):
+        if abs(belief.mean[3 + k] - belief.prior_theta[k]) > _CHANGE_MAX * belief.theta_scale[k]:
+            return False
         x, y, z = add(_kept(work, k), (rows[0, 3 + k], rows[1, 3 + k], rows[2, 3 + k]))
         S = axpy_symmetric((STEP * belief.theta_scale[k]) ** 2, (x * x, y * y, z * z, x * y, x * z, y * z), S)
     mean = load(state.mean_innovation)

@@ -26,6 +26,7 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
         """Start from what is known before launch and the first reading."""
         super().reset(prior, gyro, wheel_speed)
         self._scale = prior.theta_scale(self.model.parameters)
+        self._prior_theta = self.filter.x[3 : 3 + self.model.p].copy()
         self._e, self._variance = self._log_q(self.momentum.inertia_walk), 4.0
         self.steps, self._since_step = 0, 30.0
         self._settled, self._mean_innovation = np.zeros(3), np.zeros(3)
@@ -114,7 +115,8 @@ class FilterpyAdaptiveEKF(FilterpyMomentumEKF):
     def _was_unseen(self, slope: np.ndarray, innovation: np.ndarray) -> bool:
         """Whether the step that a reading shows may have come before it, so that M is off by L(rate of late) dtheta."""
         begins = self.steps == 0 and self._since_step < 60.0
-        if begins or self._walk > 0.01 or self._concealed < 2.0:
+        change = self.filter.x[3 : 3 + self.model.p] - self._prior_theta
+        if begins or self._walk > 0.01 or self._concealed < 2.0 or np.any(np.abs(change) > 2.0 * self._scale):
             return False
         of_step = 0.1 * self._scale * slope[:, 3 : 3 + self.model.p] + self._kept(slope)
         expected = slope @ self.filter.P @ slope.T + np.eye(3) + of_step @ of_step.T
