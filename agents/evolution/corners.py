@@ -48,7 +48,7 @@ _ANOTHER = "give another --output, or remove generations.npz"
 @dataclass
 class Generations:
     """Generations that were flown: weights (population, features) and scores (population,), by which revision, and the
-    seconds that each took, nan where a file of before does not say."""
+    seconds that each took, nan where an older file does not say."""
 
     asked: list[np.ndarray] = field(default_factory=list)
     judged: list[np.ndarray] = field(default_factory=list)
