@@ -16,7 +16,8 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from baselines.studies.worlds import PYRAMIDS, TILTED_PYRAMIDS, WORLDS, World, policy_for
+from baselines.studies.world_policies import policy_for
+from baselines.studies.worlds import PYRAMIDS, TILTED_PYRAMIDS, WORLDS, World
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.faults import Faults

@@ -19,7 +19,8 @@ from tqdm import tqdm
 
 from baselines.command import cells, cli
 from baselines.command.provenance import result_head
-from baselines.studies.worlds import WORLDS, policy_for
+from baselines.studies.world_policies import policy_for
+from baselines.studies.worlds import WORLDS
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import FIRST_SEED, Split, fly, seeds
 from satid_gym.files import check_writable, write_json
@@ -94,19 +95,21 @@ class ConsistencyStudy:
 
 def cell(study: ConsistencyStudy, world: str, policy: str, satellite: Satellite, inertia: str) -> dict[str, Any]:
     """Scores of one cell: mean final error, mean NEES, its median and its 95 % quantile over episodes, time outside."""
-    scenario = study.world(world)
+    scenario, own = study.world(world), WORLDS[world]
     scores = fly(
-        policy_for(policy, satellite, scenario),
+        policy_for(policy, satellite, scenario, own.control),
         satellite=satellite,
         inertia=inertia,
         seeds=seeds(study.split, study.episodes),
         scenario=scenario,
+        control=own.control,
         estimator={
             "name": study.estimator,
             "calibrate": study.calibrate,
             "flexible": study.flexible,
             "rate_coordinates": study.rate_coordinates,
             "announced": study.announced,
+            **own.estimator,
         },
     ).scores()
     return {

@@ -11,20 +11,14 @@ import numpy as np
 from satid_gym.appendages import panel_pair
 from satid_gym.friction import WheelFriction
 from satid_gym.oscillators import SloshMass
-from satid_gym.policies.rate_square import untuned_rate_square
-from satid_gym.policies.registry import NotPreparedError, build, make_baseline
-from satid_gym.policy import Policy
 from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
-from satid_gym.scenario import Scenario
 from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
 
 PYRAMID = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / np.sqrt(3.0)
 """Axes (3, 4) of four wheels along the diagonals of a cube."""
-_REACHED = 0.25  # part of the rate limit that an open-loop signal may reach
-_SINE_QUARTER = 50.0  # s, in which the sine of 0.01 Hz reaches its largest rate, as a constant torque would
 
 
 class _ModeStd(TypedDict):
@@ -42,11 +36,15 @@ class World:
 
     Attributes:
         scenario: settings in which it differs from scenario "default".
+        estimator: settings of the filter that such a world asks for, see "Weak excitation" in docs/estimators.md.
+        control: what policies command.
         satellites: that it has of its own, in place of the study's.
         topic: of the table that shows it.
     """
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
+    estimator: Mapping[str, Any] = field(default_factory=dict)
+    control: Literal["torque", "rate"] = "torque"
     satellites: tuple[Satellite, ...] = ()
     topic: Literal["calibration", "timing", "flexible", "tracker"] = "calibration"
 
@@ -121,8 +119,8 @@ def _timed(sensors: Sensors, **tolerances: float) -> World:
     return World(scenario={"sensors": sensors, "tolerances": Tolerances(**tolerances)}, topic="timing")
 
 
-def _off(**tolerances: float) -> World:
-    return World(scenario={"tolerances": Tolerances(**tolerances)})
+def _off(estimator: Mapping[str, Any] | None = None, **tolerances: float) -> World:
+    return World(scenario={"tolerances": Tolerances(**tolerances)}, estimator=estimator or {})
 
 
 def _tracked(
@@ -133,6 +131,9 @@ def _tracked(
     return World(scenario=scenario, satellites=satellites, topic="tracker")
 
 
+_SHOWN_LATE = {"inertia_walk": 0.005}  # little excites, or time is short: what varies is not soon seen to
+_SLOW_BODY = {"inertia_walk_min": 3e-5}  # a body or a flight so slow that a smaller walk matters
+_SMALL_WHEEL, _LARGE_WHEEL = WheelFriction(coulomb=1e-3, static=1.5e-3), WheelFriction(coulomb=0.01)
 _ARCSEC, _DEGREE = np.pi / 648000.0, np.pi / 180.0
 _GOOD = StarTracker(across_std=2.0 * _ARCSEC, round_std=20.0 * _ARCSEC, period=0.5)
 _COARSE = StarTracker(across_std=10.0 * _ARCSEC, round_std=60.0 * _ARCSEC, period=0.5)
@@ -147,7 +148,7 @@ WORLDS: Mapping[str, World] = {
     "as nominal": World(),
     "gyro bias 2e-5 rad/s": _off(gyro_bias=2e-5),
     "gyro bias 1e-4 rad/s": _off(gyro_bias=1e-4),
-    "gyro bias 1e-3 rad/s": _off(gyro_bias=1e-3),
+    "gyro bias 1e-3 rad/s": _off(_SHOWN_LATE, gyro_bias=1e-3),
     "gyro scale 0.1 %": _off(gyro_scale=1e-3),
     "gyro scale 1 %": _off(gyro_scale=1e-2),
     "gyro alignment 3 mrad": _off(gyro_alignment=3e-3),
@@ -158,21 +159,29 @@ WORLDS: Mapping[str, World] = {
     "all small errors": _off(
         gyro_bias=1e-4, gyro_scale=1e-3, gyro_alignment=1e-3, wheel_inertia=1e-3, wheel_alignment=1e-3
     ),
-    "no torque noise": World(scenario={"torque_noise": 0.0}),
-    "gyro noise 1e-3 rad/s": World(scenario={"gyro_noise_std": 1e-3}),
-    "friction 1 of 10 mN m": World(
-        scenario={"friction": WheelFriction(coulomb=1e-3, static=1.5e-3)}, satellites=(SATELLITES["cubesat"],)
+    "no torque noise": World(scenario={"torque_noise": 0.0}, estimator=_SHOWN_LATE),
+    "gyro noise 1e-3 rad/s": World(scenario={"gyro_noise_std": 1e-3}, estimator=_SHOWN_LATE),
+    "friction 1 of 10 mN m": World(scenario={"friction": _SMALL_WHEEL}, satellites=(SATELLITES["cubesat"],)),
+    "friction 1 of 10 mN m, by rates": World(
+        scenario={"friction": _SMALL_WHEEL},
+        estimator=_SHOWN_LATE,
+        control="rate",
+        satellites=(SATELLITES["cubesat"],),
     ),
-    "friction 10 of 100 mN m": World(
-        scenario={"friction": WheelFriction(coulomb=0.01)}, satellites=(SATELLITES["microsat"],)
+    "friction 10 of 100 mN m": World(scenario={"friction": _LARGE_WHEEL}, satellites=(SATELLITES["microsat"],)),
+    "friction 10 of 100 mN m, by rates": World(
+        scenario={"friction": _LARGE_WHEEL},
+        estimator=_SHOWN_LATE,
+        control="rate",
+        satellites=(SATELLITES["microsat"],),
     ),
     "sample 1 s": World(scenario={"sample_period": 1.0}),
     "sample 0.02 s": World(scenario={"sample_period": 0.02}, satellites=(SATELLITES["microsat"],)),
     "1e-3 kg m^2": World(satellites=(POCKETQUBE,)),
     "1 kg m^2": World(satellites=(MINISAT,)),
-    "1e4 kg m^2": World(satellites=(OBSERVATORY,)),
-    "horizon 30 s": World(scenario={"horizon": 30.0}),
-    "horizon 3000 s": World(scenario={"horizon": 3000.0}, satellites=(SATELLITES["microsat"],)),
+    "1e4 kg m^2": World(satellites=(OBSERVATORY,), estimator=_SLOW_BODY),
+    "horizon 30 s": World(scenario={"horizon": 30.0}, estimator=_SHOWN_LATE),
+    "horizon 3000 s": World(scenario={"horizon": 3000.0}, satellites=(SATELLITES["microsat"],), estimator=_SLOW_BODY),
     "integrating gyro": _timed(Sensors(gyro_integrates=True)),
     "tachometers 1 late": _timed(Sensors(tachometer_delay=1.0)),
     "tachometers 0.9(3) late": _timed(Sensors(gyro_integrates=True, tachometer_delay=0.9), tachometer_delay=0.3),
@@ -218,25 +227,3 @@ WORLDS: Mapping[str, World] = {
 PYRAMIDS = tuple(on_pyramid(SATELLITES[name]) for name in BENCHMARK_SATELLITES)
 TILTED_PYRAMIDS = World(scenario={"tilt_std": 0.15}, satellites=PYRAMIDS)
 """World of four skewed wheels and a full tensor, of the studies of rate loops and of Basilisk."""
-
-
-def policy_for(name: str, satellite: Satellite, scenario: Scenario) -> Policy:
-    """Baseline as it was tuned for the satellite; else with settings that follow from its data sheet and the horizon.
-
-    A satellite with another rate limit than the one of its name, or another horizon, is another one in this.
-
-    Raises:
-        ValueError: the study does not fly this baseline.
-    """
-    known = SATELLITES.get(satellite.name, satellite)
-    own = scenario.horizon == Scenario().horizon and satellite.rate_limit == known.rate_limit
-    try:
-        return make_baseline(name, satellite.name if own else "")
-    except NotPreparedError:
-        limit = satellite.rate_limit * np.mean(np.diag(satellite.inertia)) / np.min(satellite.wheels.max_torque)
-    if name == "rate_square":
-        return untuned_rate_square(satellite, scenario.horizon)
-    pushes = {"one_step": scenario.horizon / 3.0, "multi_step": scenario.horizon / 6.0, "sine": _SINE_QUARTER}
-    if name not in pushes:
-        raise ValueError(f"{name} has no settings for {satellite.name} over {scenario.horizon:g} s")
-    return build(name, {"amplitude": min(1.0, _REACHED * limit / pushes[name])})
