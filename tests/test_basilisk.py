@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from baselines.command import cli
 from baselines.identification.recorded import slews
 from baselines.studies import basilisk as study
-from baselines.studies.worlds import on_pyramid
+from baselines.studies.worlds.satellites import on_pyramid
 from satid_gym import (
     SATELLITES,
     Pilot,

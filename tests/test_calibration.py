@@ -8,7 +8,7 @@ import pytest
 from baselines.studies.consistency import ConsistencyStudy
 from baselines.studies.consistency import main as consistency_main
 from baselines.studies.recording import record
-from baselines.studies.worlds import WORLDS
+from baselines.studies.worlds.catalogue import WORLDS
 from satid_gym import SATELLITES, SatInertiaIDEnv, Scenario
 from satid_gym.estimators import (
     AdaptiveEKF,

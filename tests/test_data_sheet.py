@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.studies.worlds import MINISAT, OBSERVATORY, POCKETQUBE
+from baselines.studies.worlds.satellites import MINISAT, OBSERVATORY, POCKETQUBE
 from satid_gym import SATELLITES, Panel, SloshMass, StarTracker, draw_satellites, simulate
 from satid_gym.commands.main import main
 from satid_gym.data_sheet import derived, doubts, left_out

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines.scenarios.flights import AnyCell, flown
-from baselines.studies.worlds import PYRAMID, on_pyramid
+from baselines.studies.worlds.satellites import PYRAMID, on_pyramid
 from satid_gym import SATELLITES, ReactionWheels, SatInertiaIDVectorEnv
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS

@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 
 from baselines.studies.consistency import ConsistencyStudy
 from baselines.studies.consistency import main as consistency_main
-from baselines.studies.world_policies import policy_for
-from baselines.studies.worlds import OBSERVATORY, WORLDS
+from baselines.studies.worlds.catalogue import WORLDS
+from baselines.studies.worlds.policies import policy_for
+from baselines.studies.worlds.satellites import OBSERVATORY
 from satid_gym import SATELLITES, SCENARIOS, Scenario
 from satid_gym.estimators import AdaptiveEKF, MomentumEKFSettings
 from satid_gym.evaluation import fly, seeds

@@ -8,7 +8,7 @@ import pytest
 from baselines.scenarios.flights import Cell, flown
 from baselines.scenarios.oracle import search
 from baselines.scenarios.plans.rates import RatesPlan, Recorder
-from baselines.studies.worlds import PYRAMID
+from baselines.studies.worlds.satellites import PYRAMID
 from satid_gym import SATELLITES, SCENARIOS, SatInertiaIDEnv, SatInertiaIDVectorEnv, WheelPyramid
 from satid_gym.evaluation import seeds
 from satid_gym.gym_api import COSTS

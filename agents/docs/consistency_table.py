@@ -7,7 +7,7 @@ from typing import Any
 
 from agents.docs.readme import REMEDY, RESULTS
 from baselines.command.markdown import table
-from baselines.studies.worlds import WORLDS
+from baselines.studies.worlds.catalogue import WORLDS
 from satid_gym.files import read_json
 
 _GROUPS = (("rate_square",), ("multi_step", "sine"), ("one_step", "zero"))  # policies by how they excite the body

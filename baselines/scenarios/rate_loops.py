@@ -16,8 +16,9 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from baselines.studies.world_policies import policy_for
-from baselines.studies.worlds import PYRAMIDS, TILTED_PYRAMIDS, WORLDS, World
+from baselines.studies.worlds.catalogue import TILTED_PYRAMIDS, WORLDS, World
+from baselines.studies.worlds.policies import policy_for
+from baselines.studies.worlds.satellites import PYRAMIDS
 from satid_gym.config import check_integer, check_names, check_number
 from satid_gym.evaluation import fly, seeds
 from satid_gym.faults import Faults

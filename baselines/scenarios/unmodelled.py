@@ -17,8 +17,8 @@ from tqdm import tqdm
 
 from baselines.command import cli
 from baselines.command.provenance import result_head
-from baselines.studies.world_policies import policy_for
-from baselines.studies.worlds import WORLDS
+from baselines.studies.worlds.catalogue import WORLDS
+from baselines.studies.worlds.policies import policy_for
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import Split, seeds
 from satid_gym.files import check_writable, write_json

@@ -19,8 +19,8 @@ from tqdm import tqdm
 
 from baselines.command import cells, cli
 from baselines.command.provenance import result_head
-from baselines.studies.world_policies import policy_for
-from baselines.studies.worlds import WORLDS
+from baselines.studies.worlds.catalogue import WORLDS
+from baselines.studies.worlds.policies import policy_for
 from satid_gym.config import check_integer, check_names
 from satid_gym.evaluation import FIRST_SEED, Split, fly, seeds
 from satid_gym.files import check_writable, write_json
@@ -56,6 +56,8 @@ class ConsistencyStudy:
     """Whether the filter estimates the modes of panels and slosh masses."""
     announced: bool = True
     """Whether the filter is told when a deployment or a release is commanded."""
+    tuned: bool = True
+    """Whether the filter has the settings that a world asks for; else the defaults."""
     rate_coordinates: bool | None = None
     """Whether updates are in errors of the rate where it estimates no errors; None: where the motors shake little."""
     episodes: int = 100
@@ -109,7 +111,7 @@ def cell(study: ConsistencyStudy, world: str, policy: str, satellite: Satellite,
             "flexible": study.flexible,
             "rate_coordinates": study.rate_coordinates,
             "announced": study.announced,
-            **own.estimator,
+            **(own.estimator if study.tuned else {}),
         },
     ).scores()
     return {

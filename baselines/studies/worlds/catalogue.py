@@ -4,30 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal
 
 import numpy as np
 
-from satid_gym.appendages import panel_pair
+from baselines.studies.worlds.satellites import (
+    MINISAT,
+    OBSERVATORY,
+    POCKETQUBE,
+    PYRAMIDS,
+    with_panels,
+    with_slosh,
+)
 from satid_gym.friction import WheelFriction
-from satid_gym.oscillators import SloshMass
-from satid_gym.reaction_wheels import ReactionWheels
 from satid_gym.satellite import BENCHMARK_SATELLITES, SATELLITES, Satellite
 from satid_gym.sensors import Sensors
 from satid_gym.star_tracker import StarTracker
 from satid_gym.tolerances import Tolerances
-
-PYRAMID = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / np.sqrt(3.0)
-"""Axes (3, 4) of four wheels along the diagonals of a cube."""
-
-
-class _ModeStd(TypedDict):
-    mass_std: float
-    frequency_std: float
-    damping_std: float
-
-
-_MODE_STD: _ModeStd = {"mass_std": 0.2, "frequency_std": 0.3, "damping_std": 0.3}  # of panels and slosh masses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,67 +40,6 @@ class World:
     control: Literal["torque", "rate"] = "torque"
     satellites: tuple[Satellite, ...] = ()
     topic: Literal["calibration", "timing", "flexible", "tracker"] = "calibration"
-
-
-def _satellite(name: str, moments: float, wheels: tuple[float, float, float], **sheet: float) -> Satellite:
-    """Satellite of moments 1.1, 1 and 0.8 times a number; wheels: torque limit, speed limit, spin inertia."""
-    torque, speed, inertia = map(np.array, wheels)
-    return Satellite(
-        name,
-        moments * np.array([1.1, 1.0, 0.8]),
-        ReactionWheels(inertia=inertia, max_torque=torque, max_speed=speed),
-    ).replace(**sheet)
-
-
-# wheels as of CubeSpace CW0017, Blue Canyon RWP100 and Honeywell HR16-100; gyros from MEMS to navigation grade
-POCKETQUBE = _satellite(
-    "pocketqube",
-    1e-3,
-    (2.3e-4, 1047.0, 1.7e-6),
-    rate_limit=0.1,
-    gyro_noise_std=3e-4,
-    tachometer_noise_std=0.1,
-    disturbance_std=2e-7,
-)
-MINISAT = _satellite("minisat", 1.0, (7e-3, 680.0, 1.5e-4), rate_limit=0.03, gyro_noise_std=5e-5, disturbance_std=1e-5)
-OBSERVATORY = _satellite(
-    "observatory",
-    1e4,
-    (0.2, 628.0, 0.159),
-    rate_limit=3e-3,
-    gyro_noise_std=1e-6,
-    tachometer_noise_std=0.01,
-    disturbance_std=1e-3,
-)
-
-
-def _with_panels(satellite: Satellite, share: float, frequency: float) -> Satellite:
-    """The satellite with two thin panels along y that turn about z and have a share of that axis's inertia."""
-    panel = panel_pair(satellite, share, 1, 2, frequency=frequency, damping=0.005, **_MODE_STD)
-    return satellite.replace(oscillators=(*satellite.oscillators, panel))
-
-
-def _with_slosh(satellite: Satellite, share: float, frequency: float) -> Satellite:
-    """The satellite with a tank half-way to its side, of whose mass a share sloshes."""
-    assert satellite.size is not None
-    assert satellite.mass is not None
-    tank = SloshMass(
-        mass=share * satellite.mass,
-        position=np.array([0.5 * satellite.size[0], 0.0, 0.1 * satellite.size[2]]),
-        direction=np.array([0.0, 1.0, 0.0]),
-        frequency=frequency,
-        damping=0.05,
-        **_MODE_STD,
-    )
-    return satellite.replace(oscillators=(*satellite.oscillators, tank))
-
-
-def on_pyramid(satellite: Satellite, avoided_speed: tuple[float, float] = (0.0, 0.0)) -> Satellite:
-    """The satellite with four wheels like its first along the diagonals of a cube."""
-    sheet: dict[str, Any] = {
-        name: getattr(satellite.wheels, name)[0] for name in ("inertia", "max_torque", "max_speed")
-    }
-    return satellite.replace(wheels=ReactionWheels(axes=PYRAMID, avoided_speed=avoided_speed, **sheet))
 
 
 def _flexible(change: Callable[..., Satellite], share: float, frequency: float) -> World:
@@ -140,7 +72,7 @@ _COARSE = StarTracker(across_std=10.0 * _ARCSEC, round_std=60.0 * _ARCSEC, perio
 _LIMITED = _GOOD.replace(rate_limit=_DEGREE)
 _BLINDED = _LIMITED.replace(sun_exclusion=30.0 * _DEGREE, earth_exclusion=10.0 * _DEGREE)
 _LATE_GYRO = Sensors(gyro_integrates=True)
-_PANELLED = tuple(_with_panels(SATELLITES[name], 0.1, 0.35) for name in BENCHMARK_SATELLITES)
+_PANELLED = tuple(with_panels(SATELLITES[name], 0.1, 0.35) for name in BENCHMARK_SATELLITES)
 _SLOW = tuple(SATELLITES[name].replace(rate_limit=0.5 * _DEGREE) for name in BENCHMARK_SATELLITES)
 
 
@@ -190,12 +122,12 @@ WORLDS: Mapping[str, World] = {
     "64 pulses 0.9(1) late": _timed(
         Sensors(gyro_integrates=True, encoder_pulses=64, tachometer_delay=0.9), tachometer_delay=0.1
     ),
-    "panels 2 %, 0.35 Hz": _flexible(_with_panels, 0.02, 0.35),
-    "panels 10 %, 0.1 Hz": _flexible(_with_panels, 0.1, 0.1),
-    "panels 10 %, 0.35 Hz": _flexible(_with_panels, 0.1, 0.35),
-    "panels 10 %, 1 Hz": _flexible(_with_panels, 0.1, 1.0),
-    "panels 25 %, 0.35 Hz": _flexible(_with_panels, 0.25, 0.35),
-    "slosh 3 %, 0.05 Hz": _flexible(_with_slosh, 0.03, 0.05),
+    "panels 2 %, 0.35 Hz": _flexible(with_panels, 0.02, 0.35),
+    "panels 10 %, 0.1 Hz": _flexible(with_panels, 0.1, 0.1),
+    "panels 10 %, 0.35 Hz": _flexible(with_panels, 0.1, 0.35),
+    "panels 10 %, 1 Hz": _flexible(with_panels, 0.1, 1.0),
+    "panels 25 %, 0.35 Hz": _flexible(with_panels, 0.25, 0.35),
+    "slosh 3 %, 0.05 Hz": _flexible(with_slosh, 0.03, 0.05),
     "tracker, bias 2e-5 rad/s": _tracked(_GOOD, gyro_bias=2e-5),
     "tracker, bias 1e-4 rad/s": _tracked(_GOOD, gyro_bias=1e-4),
     "tracker, bias 1e-3 rad/s": _tracked(_GOOD, gyro_bias=1e-3),
@@ -224,6 +156,5 @@ WORLDS: Mapping[str, World] = {
 """Worlds that are flown, by name."""
 
 
-PYRAMIDS = tuple(on_pyramid(SATELLITES[name]) for name in BENCHMARK_SATELLITES)
 TILTED_PYRAMIDS = World(scenario={"tilt_std": 0.15}, satellites=PYRAMIDS)
 """World of four skewed wheels and a full tensor, of the studies of rate loops and of Basilisk."""

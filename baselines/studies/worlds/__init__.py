@@ -1,0 +1,1 @@
+"""Worlds of the studies, their satellites, and the policies that fly in them."""
