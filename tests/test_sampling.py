@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baselines.studies.consistency import ConsistencyStudy
+from baselines.studies.consistency import ConsistencyStudy, cell
 from baselines.studies.consistency import main as consistency_main
 from baselines.studies.worlds.catalogue import WORLDS
 from baselines.studies.worlds.policies import policy_for
@@ -103,6 +103,23 @@ def test_a_satellite_that_is_flown_slower_does_not_get_what_was_tuned_for_its_na
     reached = slower * np.min(slow.wheels.max_torque) * 50.0 / np.mean(np.diag(slow.inertia))
     assert reached == pytest.approx(0.25 * slow.rate_limit)
     assert slower < 0.25 * tuned
+
+
+@cases("world", ["no torque noise", "horizon 30 s"])
+@pytest.mark.compiled
+def test_where_little_shows_that_the_inertia_varies_a_larger_first_walk_keeps_the_filter_consistent(world):
+    own, default = (
+        cell(ConsistencyStudy(episodes=48, tuned=tuned), world, "multi_step", SATELLITES["cubesat"], "periodic")["nees"]
+        for tuned in (True, False)
+    )
+    assert 0.3 < own < 2.0
+    assert default > 2.3
+
+
+def test_open_loop_signals_by_rates_are_not_those_that_were_tuned_as_torques():
+    satellite, world = SATELLITES["cubesat"], WORLDS["friction 1 of 10 mN m, by rates"]
+    assert policy_for("sine", satellite, Scenario(), world.control).amplitude == 0.95
+    assert policy_for("sine", satellite, Scenario()).amplitude < 0.5
 
 
 def test_a_study_adds_rows_to_a_file_and_keeps_the_others(tmp_path, monkeypatch, capsys):
