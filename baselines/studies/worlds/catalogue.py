@@ -64,7 +64,7 @@ def _tracked(
 
 
 _SHOWN_LATE = {"inertia_walk": 0.005}  # little excites, or time is short: what varies is not soon seen to
-_SLOW_BODY = {"inertia_walk_min": 3e-5}  # a body or a flight so slow that a smaller walk matters
+_LONG = {"inertia_walk_min": 3e-5}  # a flight so long that a smaller walk matters
 _SMALL_WHEEL, _LARGE_WHEEL = WheelFriction(coulomb=1e-3, static=1.5e-3), WheelFriction(coulomb=0.01)
 _ARCSEC, _DEGREE = np.pi / 648000.0, np.pi / 180.0
 _GOOD = StarTracker(across_std=2.0 * _ARCSEC, round_std=20.0 * _ARCSEC, period=0.5)
@@ -96,14 +96,12 @@ WORLDS: Mapping[str, World] = {
     "friction 1 of 10 mN m": World(scenario={"friction": _SMALL_WHEEL}, satellites=(SATELLITES["cubesat"],)),
     "friction 1 of 10 mN m, by rates": World(
         scenario={"friction": _SMALL_WHEEL},
-        estimator=_SHOWN_LATE,
         control="rate",
         satellites=(SATELLITES["cubesat"],),
     ),
     "friction 10 of 100 mN m": World(scenario={"friction": _LARGE_WHEEL}, satellites=(SATELLITES["microsat"],)),
     "friction 10 of 100 mN m, by rates": World(
         scenario={"friction": _LARGE_WHEEL},
-        estimator=_SHOWN_LATE,
         control="rate",
         satellites=(SATELLITES["microsat"],),
     ),
@@ -111,9 +109,9 @@ WORLDS: Mapping[str, World] = {
     "sample 0.02 s": World(scenario={"sample_period": 0.02}, satellites=(SATELLITES["microsat"],)),
     "1e-3 kg m^2": World(satellites=(POCKETQUBE,)),
     "1 kg m^2": World(satellites=(MINISAT,)),
-    "1e4 kg m^2": World(satellites=(OBSERVATORY,), estimator=_SLOW_BODY),
+    "1e4 kg m^2": World(satellites=(OBSERVATORY,)),
     "horizon 30 s": World(scenario={"horizon": 30.0}, estimator=_SHOWN_LATE),
-    "horizon 3000 s": World(scenario={"horizon": 3000.0}, satellites=(SATELLITES["microsat"],), estimator=_SLOW_BODY),
+    "horizon 3000 s": World(scenario={"horizon": 3000.0}, satellites=(SATELLITES["microsat"],), estimator=_LONG),
     "integrating gyro": _timed(Sensors(gyro_integrates=True)),
     "tachometers 1 late": _timed(Sensors(tachometer_delay=1.0)),
     "tachometers 0.9(3) late": _timed(Sensors(gyro_integrates=True, tachometer_delay=0.9), tachometer_delay=0.3),
