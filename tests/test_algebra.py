@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from satid_gym.core import algebra
+from satid_gym.core import algebra, factors
 from satid_gym.rigid_body import inertia_tensor
 from tests.cases import cases
 
@@ -59,8 +59,8 @@ def run_tests(s):
 @njit
 def run_factor(a, first, size, error):
     work = np.zeros((size, size))
-    product = algebra.factor(a, first, size, work)
-    return product, algebra.mahalanobis(work, error, size) if product > 0.0 else np.nan
+    product = factors.factor(a, first, size, work)
+    return product, factors.mahalanobis(work, error, size) if product > 0.0 else np.nan
 
 
 @njit
@@ -124,6 +124,33 @@ def test_factor_refuses_nan():
     a = np.eye(3)
     a[1, 1] = np.nan
     assert not run_factor(a, 0, 3, np.zeros(3))[0] > 0.0
+
+
+@njit
+def run_factored_inverse(s):
+    out = np.empty((3, 3))
+    inverted, least = factors.factored_inverse(algebra.load_symmetric(s))
+    algebra.store_symmetric(out, inverted)
+    return out, least
+
+
+@cases("spread", [0.0, 3.0, 6.0, 10.0])
+@cases("seed", range(5))
+def test_factored_inverse_holds_where_the_adjugate_cancels(spread, seed):
+    """Up to ten decades between the eigenvalues, where the adjugate is off by 4e-5 and more."""
+    rng = np.random.default_rng(seed)
+    q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    a = (q * 10.0 ** -np.linspace(0.0, spread, 3)) @ q.T
+    a = 0.5 * (a + a.T)
+    inverted, least = run_factored_inverse(a)
+    assert least > 0.0
+    np.testing.assert_allclose(inverted @ a, np.eye(3), rtol=0, atol=1e-14 + 1e-15 * 10.0**spread)
+
+
+def test_factored_inverse_says_what_is_not_positive_definite():
+    for values in ([1.0, 2.0, -1e-6], [-1.0, 2.0, 3.0], [1.0, np.nan, 1.0]):
+        q = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+        assert not run_factored_inverse((q * values) @ q.T)[1] > 0.0
 
 
 @cases("size", SIZES)

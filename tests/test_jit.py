@@ -14,7 +14,7 @@ from numba.core.compiler import run_frontend
 from numba.core.types.functions import BaseFunction
 
 from satid_gym.core import kernels
-from satid_gym.core.algebra import invert
+from satid_gym.core.factors import invert
 from satid_gym.core.jit import inline, inline_disjoint, kernel, outline, outline_disjoint, passes
 from satid_gym.core.jit.cache import NamedByContent
 from satid_gym.core.sample import measure

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import axpy_symmetric, frobenius_square, mahalanobis, store_symmetric
+from satid_gym.core.algebra import axpy_symmetric, frobenius_square, store_symmetric
 from satid_gym.core.belief import filters, modes
 from satid_gym.core.belief.kalman import estimated_inertia, factor_theta
+from satid_gym.core.factors import mahalanobis
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import Cost
 from satid_gym.core.reward import saturated_share

@@ -19,7 +19,6 @@ from satid_gym.core.algebra import (
     axpy,
     axpy_symmetric,
     cross,
-    factor,
     inverse,
     load,
     load_symmetric,
@@ -31,6 +30,7 @@ from satid_gym.core.algebra import (
 from satid_gym.core.belief import calibration, filters, modes, star_reading
 from satid_gym.core.belief.kalman import estimated_inertia
 from satid_gym.core.control.rate_tracking import track
+from satid_gym.core.factors import factor
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.rotation import store_quaternion, to_inertial
 from satid_gym.core.sky import is_blind, is_off_target

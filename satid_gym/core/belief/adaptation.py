@@ -28,9 +28,10 @@ import functools
 
 import numpy as np
 
-from satid_gym.core.algebra import factor, invert
+from satid_gym.core.algebra import load_symmetric, store_symmetric
 from satid_gym.core.belief import coherence
 from satid_gym.core.belief.kalman import multiply_rows
+from satid_gym.core.factors import factor, factored_inverse, invert
 from satid_gym.core.jit import inline, outline, outline_disjoint
 from satid_gym.core.records import FLOAT, INT
 
@@ -169,9 +170,8 @@ def learn(belief, work):
     p = belief.theta_scale.shape[0]
     state, w = belief.adaptation, work.adaptation
     t, D, u, W = state.theta_slope, state.covariance_slope, w.P_inv_d, w.information_gain
-    if factor(w.P, 0, p, work.block) < 0.0:
+    if not _invert(w.P, work.block, w.P_inv):
         return  # broken, which `reward.dispersion` finds
-    invert(work.block, p, w.P_inv)
     for i in range(p):
         w.d[i] = belief.mean[3 + i] - w.theta[i]
         for j in range(p):
@@ -198,6 +198,19 @@ def learn(belief, work):
     change = min(max(variance * score, -_LOG_Q_CHANGE_MAX), _LOG_Q_CHANGE_MAX)
     state.log_q = min(max(state.log_q + change, -1.0), state.log_q_max)
     state.log_q_variance = variance
+
+
+@inline
+def _invert(P, block, out):
+    """out = P^-1, and whether P is positive definite; `block` is scratch space."""
+    if P.shape[0] == 3:
+        inverted, least = factored_inverse(load_symmetric(P))
+        store_symmetric(out, inverted)
+        return least > 0.0
+    if factor(P, 0, P.shape[0], block) < 0.0:
+        return False
+    invert(block, P.shape[0], out)
+    return True
 
 
 @inline

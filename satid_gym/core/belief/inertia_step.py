@@ -25,9 +25,10 @@ instants stand for all.
 
 from __future__ import annotations
 
-from satid_gym.core.algebra import add, axpy, axpy_symmetric, dot, inverse, load, multiply, store, subtract
+from satid_gym.core.algebra import axpy, axpy_symmetric, dot, inverse, load, multiply, store, subtract
 from satid_gym.core.belief import adaptation, gating, inertia_change
 from satid_gym.core.belief.gating import STEP, distance, innovation_covariance
+from satid_gym.core.belief.kalman import write_times_regressor
 from satid_gym.core.jit import inline, outline
 
 _HOLDOFF = 30.0  # s between two steps: where readings go on to be implausible, the inertia is not the cause
@@ -89,30 +90,21 @@ def take(belief, work, rejected):
 @inline
 def _was_unseen(belief, work):
     """Whether the step that a reading in work shows may have come unseen; leaves L(omega) in work.regressor."""
-    state, rows, innovation = belief.adaptation, work.rows, load(work.innovation)
+    state, rows, kept, innovation = belief.adaptation, work.rows, work.regressor, load(work.innovation)
     begins = state.steps == 0 and state.since_step < 2.0 * _HOLDOFF
     if begins or state.walk > _UNSEEN_WALK_MAX or state.concealed < _CONCEALED_MIN:
         return False
-    inertia_change.write_regressor(work, load(state.settled_rate))
+    write_times_regressor(rows, load(state.settled_rate), kept)
     S = innovation_covariance(belief, work)
     for k in range(belief.theta_scale.shape[0]):
         if abs(belief.mean[3 + k] - belief.prior_theta[k]) > _CHANGE_MAX * belief.theta_scale[k]:
             return False
-        x, y, z = add(_kept(work, k), (rows[0, 3 + k], rows[1, 3 + k], rows[2, 3 + k]))
+        x, y, z = rows[0, 3 + k] + kept[0, k], rows[1, 3 + k] + kept[1, k], rows[2, 3 + k] + kept[2, k]
         S = axpy_symmetric((STEP * belief.theta_scale[k]) ** 2, (x * x, y * y, z * z, x * y, x * z, y * z), S)
+    inertia_change.write_regressor(work, load(state.settled_rate))
     mean = load(state.mean_innovation)
     grows = dot(mean, mean) > _MEAN_SIGMAS**2 * _MEAN_SHARE / (2.0 - _MEAN_SHARE)
     return grows or dot(innovation, multiply(inverse(S), innovation)) < _UNSEEN_DISTANCE
-
-
-@inline
-def _kept(work, k):
-    """Column k of H_M L(omega), with L(omega) in work.regressor."""
-    rows, regressor = work.rows, work.regressor
-    kept = 0.0, 0.0, 0.0
-    for i in range(3):
-        kept = axpy(regressor[i, k], (rows[0, i], rows[1, i], rows[2, i]), kept)
-    return kept
 
 
 @outline
@@ -121,9 +113,9 @@ def note(belief, work):
     state = belief.adaptation
     mean = load(state.mean_innovation)
     store(state.mean_innovation, axpy(_MEAN_SHARE, subtract(load(work.innovation), mean), mean))
-    inertia_change.write_regressor(work, load(state.settled_rate))
+    jump = work.regressor  # H_M L(omega)
+    write_times_regressor(work.rows, load(state.settled_rate), jump)
     square = 0.0
     for k in range(belief.theta_scale.shape[0]):
-        kept = _kept(work, k)
-        square += (STEP * belief.theta_scale[k]) ** 2 * dot(kept, kept)
+        square += (STEP * belief.theta_scale[k]) ** 2 * (jump[0, k] ** 2 + jump[1, k] ** 2 + jump[2, k] ** 2)
     state.conceals = 1.0 if square < _DISTANCE else 0.0

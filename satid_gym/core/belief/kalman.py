@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from satid_gym.core.algebra import (
-    axpy_symmetric,
-    factor,
-    is_positive_definite,
-)
+from satid_gym.core.algebra import axpy_symmetric, is_positive_definite
 from satid_gym.core.belief.modes import body_inertia_of, moving
+from satid_gym.core.factors import factor
 from satid_gym.core.jit import inline, inline_disjoint, outline_disjoint
 
 _FLOOR = 0.05  # of the prior inertia: below it an estimate is not believed
@@ -54,7 +51,7 @@ def is_known_to(belief, relative):
 
 @inline
 def factor_theta(belief, work):
-    """LDL^T of theta's covariance to work.block, and its determinant; see `algebra.factor`."""
+    """LDL^T of theta's covariance to work.block, and its determinant; see `factors.factor`."""
     p = belief.prior_theta.shape[0]
     for i in range(p):
         for j in range(i + 1):
@@ -111,8 +108,8 @@ def _weigh(weights, matrix, out):
 def _subtract_square(v, matrix):
     """matrix -= v v^T."""
     for i in range(matrix.shape[0]):
-        for j in range(i, matrix.shape[0]):
-            matrix[i, j] = matrix[j, i] = matrix[i, j] - v[i] * v[j]
+        for j in range(matrix.shape[0]):
+            matrix[i, j] -= v[i] * v[j]
 
 
 @inline

@@ -15,8 +15,6 @@ from satid_gym.core.algebra import (
     axpy_symmetric,
     cross,
     dot,
-    factor,
-    invert,
     load,
     load_symmetric,
     multiply,
@@ -24,6 +22,7 @@ from satid_gym.core.algebra import (
     store_symmetric,
     subtract,
 )
+from satid_gym.core.factors import factor, invert
 from satid_gym.core.jit import inline, outline
 from satid_gym.core.records import FLOAT
 
