@@ -106,7 +106,7 @@ def _weigh(weights, matrix, out):
 
 @inline_disjoint
 def _subtract_square(v, matrix):
-    """matrix -= v v^T."""
+    """matrix -= v v^T, of both triangles: that is vectorised, and as symmetric as one mirrored."""
     for i in range(matrix.shape[0]):
         for j in range(matrix.shape[0]):
             matrix[i, j] -= v[i] * v[j]
