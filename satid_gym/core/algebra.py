@@ -1,4 +1,4 @@
-"""Algebra of 3-vectors (tuples), symmetric 3 x 3 matrices and small positive definite ones.
+"""Algebra of 3-vectors (tuples) and symmetric 3 x 3 matrices; for factors of larger ones see `factors`.
 
 A symmetric matrix is the tuple (xx, yy, zz, xy, xz, yz): the order of the full inertia parameters.
 """

@@ -10,7 +10,7 @@ from satid_gym.policy import Policy
 from satid_gym.satellite import SATELLITES, Satellite
 from satid_gym.scenario import Scenario
 
-_RATE = 0.95  # of the rate limit
+_RATE = 0.95  # of the rate limit; what baselines/scenarios/tuned.json has for all of them
 _REACHED = 0.25  # part of the rate limit that an open-loop signal may reach
 _SINE_QUARTER = 50.0  # s, in which the sine of 0.01 Hz reaches its largest rate, as a constant torque would
 
